@@ -15,7 +15,7 @@ from builtin_interfaces.msg import Time
 from rclpy.serialization import serialize_message
 from synthetic import TICK_NS
 
-from cassie_bags.bag.node_events import EVENTS_TOPIC, Event, read_event
+from cassie_bags.bag.node_events import EVENTS_TOPIC, RecordedEvent, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES
 from cassie_bags.bag.rosbag2 import QOS_LANE
@@ -452,7 +452,7 @@ def test_an_event_is_read_as_ros_writes_it():
         content='{"effective_seq": 30}',
     )
     raw = serialize_message(message)
-    expected = Event(7, 2**40, "gait_controller", "mode", {"effective_seq": 30})
+    expected = RecordedEvent(7, 2**40, "gait_controller", "mode", {"effective_seq": 30})
     assert read_event(raw) == expected
     for length in range(len(raw) - 4):
         with pytest.raises(BagError, match=EVENTS_TOPIC):

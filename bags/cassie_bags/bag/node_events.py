@@ -17,7 +17,7 @@ _LENGTH = struct.Struct("<I")
 
 
 @dataclass(frozen=True)
-class Event:
+class RecordedEvent:
     """A NodeEvent; see its .msg file.
 
     Attributes:
@@ -37,7 +37,7 @@ class Event:
     received: int = 0
 
 
-def read_event(raw: bytes, received: int = 0) -> Event:
+def read_event(raw: bytes, received: int = 0) -> RecordedEvent:
     """Parse a serialized NodeEvent.
 
     Args:
@@ -56,6 +56,6 @@ def read_event(raw: bytes, received: int = 0) -> Event:
             place += _LENGTH.size + length
             words.append(raw[place - length : place - 1].decode())
         node, event, content = words
-        return Event(episode, seq, node, event, json.loads(content), received)
+        return RecordedEvent(episode, seq, node, event, json.loads(content), received)
     except (struct.error, ValueError):
         raise BagError(f"a message of {len(raw)} bytes on {EVENTS_TOPIC} is no NodeEvent") from None

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, Event, read_event
+from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, RecordedEvent, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import lane_rows, sample_bytes
 from cassie_bags.bag.strays import of_the_run
@@ -85,7 +85,7 @@ class RecordedLane:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.rows: dict[str, list[Recorded]] = {topic: [] for topic in _KINDS}
-        self.events: dict[str, list[Event]] = {node: [] for node in SECTIONS}
+        self.events: dict[str, list[RecordedEvent]] = {node: [] for node in SECTIONS}
         self.index = BagIndex()
         has_events = False
         for topic, _, received, raw in read_messages(path, [*self.rows, EVENTS_TOPIC], self.index):

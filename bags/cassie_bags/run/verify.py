@@ -17,15 +17,16 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.comparison import Difference, first_difference, unequal_rows
 from cassie_bags.bag.continuity import SEQ_STEP
-from cassie_bags.bag.node_events import Event
+from cassie_bags.bag.node_events import RecordedEvent
 from cassie_bags.bag.reader import read_attachment
+from cassie_bags.bag.rows import stamps
 from cassie_bags.errors import BagError, ExperimentError
 from cassie_bags.run.provenance import changes_of_environment
 from cassie_bags.run.recorded_lane import (
@@ -98,8 +99,7 @@ class Replayed:
 
     def max_difference(self, until: float) -> float:
         """Largest difference of a value before `until` (s) of each episode; NaN equals NaN."""
-        times = self.recorded["sec"] + 1e-9 * self.recorded["nanosec"]
-        early = times < until
+        early = stamps(self.recorded) < until
         largest = 0.0
         for name in self._names:
             one, other = (
@@ -171,26 +171,20 @@ def verify(
     lane = RecordedLane(path)
     overrides = _sections(changes)
     gaps: list[str] = []
-    nodes: tuple[tuple[str, type[Sample], type[_Core]], ...] = (
-        ("state_estimator", RobotState, _Estimator),
-        ("mode_supervisor", Mode, _Supervisor),
-        ("gait_controller", MotorCommand, _Controller),
-    )
-    total = sum(len(lane.rows[kind.TOPIC]) for _, kind, _ in nodes)
-    done = 0
     replayed = {}
-    for node, kind, core in nodes:
-        start = partial(core, lane, overrides=overrides[SECTIONS[node]], gaits=gaits)
-        watch_node = partial(_watch_part, watch, done, total)
-        replayed[kind.TOPIC] = _replay_node(lane, node, kind, start, gaps, watch_node)
-        done += len(lane.rows[kind.TOPIC])
-        gaps += _silences(lane, node, kind)
+    total = sum(len(lane.rows[core.KIND.TOPIC]) for core in _CORES)
+    done = 0
+    for core in _CORES:
+        replay = _NodeReplay(lane, core, overrides[SECTIONS[core.NODE]], gaits)
+
+        def watch_node(count: int, before: int = done) -> None:
+            watch(before + count, total)
+
+        replayed[core.KIND.TOPIC] = replay.run(watch_node)
+        done += len(lane.rows[core.KIND.TOPIC])
+        gaps += [*replay.gaps, *replay.silences()]
     recorded = lane.index.metadata.get("cassie_environment")
     return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
-
-
-def _watch_part(watch: Callable[[int, int], None], before: int, total: int, count: int) -> None:
-    watch(before + count, total)
 
 
 class _Core(ABC):
@@ -201,7 +195,13 @@ class _Core(ABC):
         setting: Parameters and files with which the node began.
         overrides: Parameters in place of the recorded ones, also of those changed later.
         gaits: Gait library in place of the recorded one.
+
+    Attributes:
+        NODE, KIND: Name of the node, and type of its messages.
     """
+
+    NODE: ClassVar[str]
+    KIND: ClassVar[type[Sample]]
 
     def __init__(
         self, lane: RecordedLane, setting: Setting, overrides: Mapping[str, Any], gaits: Path | None
@@ -220,7 +220,7 @@ class _Core(ABC):
     def configure(self, changes: Mapping[str, Any]) -> None:
         """Apply parameters that were changed while the node ran."""
 
-    def apply(self, event: Event) -> None:
+    def apply(self, event: RecordedEvent) -> None:
         """Apply an event of the node."""
         if event.event == "parameters":
             changes = {k: v for k, v in event.content.items() if k not in self.overrides}
@@ -260,6 +260,8 @@ class _Core(ABC):
 
 
 class _Estimator(_Core):
+    NODE, KIND = "state_estimator", RobotState
+
     def build(self) -> None:
         self._config = self.config(EstimatorConfig)
         self._core = make_monitored(self._config, self.period)
@@ -276,6 +278,8 @@ class _Estimator(_Core):
 
 
 class _Supervisor(_Core):
+    NODE, KIND = "mode_supervisor", Mode
+
     def build(self) -> None:
         self._config = self.config(SupervisorConfig)
         self._core = ModeSupervisor(self._config, self.period)
@@ -287,7 +291,7 @@ class _Supervisor(_Core):
     def configure(self, changes: Mapping[str, Any]) -> None:
         self._config = self._core.config = replace_checked(self._config, **changes)
 
-    def apply(self, event: Event) -> None:
+    def apply(self, event: RecordedEvent) -> None:
         super().apply(event)
         if event.event == "lost":
             self._controller_lost = event.content["node"] is not None
@@ -310,6 +314,8 @@ class _Supervisor(_Core):
 
 
 class _Controller(_Core):
+    NODE, KIND = "gait_controller", MotorCommand
+
     def build(self) -> None:
         self._config = self.config(ControllerConfig)
         allow = bool(self.parameters.get("allow_uncertified", False))
@@ -333,7 +339,7 @@ class _Controller(_Core):
         self._config = replace_checked(self._config, **changes)
         self._core.configure(self._config)
 
-    def apply(self, event: Event) -> None:
+    def apply(self, event: RecordedEvent) -> None:
         super().apply(event)
         if event.event == "mode":
             self._late = event.content["effective_seq"]
@@ -370,77 +376,7 @@ class _Controller(_Core):
         return self._mode
 
 
-def _replay_node(
-    lane: RecordedLane,
-    node: str,
-    kind: type[Sample],
-    start: Callable[[Setting], _Core],
-    gaps: list[str],
-    watch: Callable[[int], None],
-) -> Replayed:
-    """Compute each message of a node again.
-
-    Args:
-        lane: Messages of the bag.
-        node: Name of the node.
-        kind: Type of the node's messages.
-        start: Makes the node's core from its parameters and files.
-        gaps: Gets a line for each part that cannot be replayed.
-        watch: Is called now and then with the number of messages so far.
-    """
-    recorded, computed = [], []
-    events = deque(lane.events[node])
-    core: _Core | None = None
-    episode = -1
-    processed: set[bytes] = set()
-    skipped: list[Key] = []
-    rows = sorted(lane.rows[kind.TOPIC], key=lambda row: key_of(row.raw))  # a bag is by time
-    step = SEQ_STEP[kind.TOPIC]
-    before: tuple[Key, int] = (-1, 0), 0
-    for number, (raw, received, lost) in enumerate(rows):
-        if number % 1000 == 0:
-            watch(number)
-        key = key_of(raw)
-        hole = _Hole.between(before, (key, lost), step)
-        before = key, lost
-        followed = core if key[0] == episode else None
-        due = _take_due(events, key, received if followed is not None else _LAST)
-        began = any(event.event == "began" for event in due)
-        if raw in processed and not due:
-            continue  # a repeated answer
-        processed.add(raw)
-        try:
-            if lane.has_events:
-                episode = key[0]
-                first = key[1] if followed is None or began else hole.first_answered()
-                core = _apply(due, followed, start, key, step, first)
-            elif key[0] != episode:
-                episode = key[0]
-                core = start(lane.setting(node)) if key[1] == 0 else None
-            if core is None:
-                skipped.append(key)
-                continue
-            answer = core.answer(key, received).to_bytes()
-            if answer != raw and (late := _take_due(events, key, _LAST)):  # told late, not a death
-                core = _apply(late, core, start, key, step, key[1])
-                if core is not None:
-                    answer = core.answer(key, received).to_bytes()
-        except MissingInputError as error:
-            gaps.append(f"{node}: {error}; followed again from its next start")
-            core = None
-            continue
-        recorded.append(raw)
-        computed.append(answer)
-    if skipped:
-        (episode, first), (_, last) = skipped[0], skipped[-1]
-        gaps.append(
-            f"{node}: {len(skipped)} messages not followed, from tick {first} of episode "
-            f"{episode} to tick {last}: its start, or a message before, is not in the bag"
-        )
-    dtype = kind.DTYPE
-    return Replayed(
-        np.frombuffer(b"".join(recorded), dtype), np.frombuffer(b"".join(computed), dtype)
-    )
+_CORES: tuple[type[_Core], ...] = (_Estimator, _Supervisor, _Controller)
 
 
 @dataclass(frozen=True)
@@ -481,76 +417,153 @@ class _Hole:
         )
 
 
-def _silences(lane: RecordedLane, node: str, kind: type[Sample]) -> list[str]:
-    """A line for each time in which a node, once it had begun, answered no sample."""
-    step = SEQ_STEP[kind.TOPIC]
-    answered = {key_of(raw) for raw, *_ in lane.rows[kind.TOPIC]}
-    if not answered:
-        return []
-    first = min(answered)
-    asked = sorted(key for key in lane.samples if key > first and key[1] % step == 0)
-    lines = []
-    for silent, keys in itertools.groupby(asked, key=lambda key: (key not in answered, key[0])):
-        unanswered = list(keys)
-        if silent[0] and step * len(unanswered) >= _SILENT_TICKS:
-            (episode, begin), (_, end) = unanswered[0], unanswered[-1]
-            lines.append(
-                f"{node}: no message for {len(unanswered)} samples, from tick {begin} of episode "
-                f"{episode} to tick {end}"
+class _NodeReplay:
+    """The replay of one node: each of its messages is computed again.
+
+    Args:
+        lane: Messages of the bag.
+        core: Core of the node.
+        overrides: Parameters in place of the recorded ones.
+        gaits: Gait library in place of the recorded one.
+
+    Attributes:
+        gaps: A line for each part that could not be replayed.
+    """
+
+    def __init__(
+        self,
+        lane: RecordedLane,
+        core: type[_Core],
+        overrides: Mapping[str, Any],
+        gaits: Path | None,
+    ) -> None:
+        self._lane, self._node, self._kind = lane, core.NODE, core.KIND
+        self._start = partial(core, lane, overrides=overrides, gaits=gaits)
+        self._step = SEQ_STEP[core.KIND.TOPIC]
+        self._events = deque(lane.events[core.NODE])  # not yet applied, in order
+        self._core: _Core | None = None  # None while the node's memory is not known
+        self.gaps: list[str] = []
+
+    def run(self, watch: Callable[[int], None]) -> Replayed:
+        """Compute the messages; `watch` is called now and then with their number so far."""
+        lane = self._lane
+        recorded, computed = [], []
+        processed: set[bytes] = set()
+        skipped: list[Key] = []
+        rows = sorted(lane.rows[self._kind.TOPIC], key=lambda row: key_of(row.raw))  # not by time
+        before: tuple[Key, int] = (-1, 0), 0
+        for number, (raw, received, lost) in enumerate(rows):
+            if number % 1000 == 0:
+                watch(number)
+            key = key_of(raw)
+            new_episode = key[0] != before[0][0]
+            if new_episode:
+                self._core = None
+            hole = _Hole.between(before, (key, lost), self._step)
+            before = key, lost
+            due = self._take_due(key, received if self._core is not None else _LAST)
+            if raw in processed and not due:
+                continue  # a repeated answer
+            processed.add(raw)
+            try:
+                if lane.has_events:
+                    fresh = self._core is None or any(event.event == "began" for event in due)
+                    self._apply(due, key, key[1] if fresh else hole.first_answered())
+                elif new_episode and key[1] == 0:
+                    self._core = self._start(lane.setting(self._node))
+                answer = self._answer(key, raw, received)
+            except MissingInputError as error:
+                self.gaps.append(f"{self._node}: {error}; followed again from its next start")
+                self._core = None
+                continue
+            if answer is None:
+                skipped.append(key)
+            else:
+                recorded.append(raw)
+                computed.append(answer)
+        if skipped:
+            (episode, first), (_, last) = skipped[0], skipped[-1]
+            self.gaps.append(
+                f"{self._node}: {len(skipped)} messages not followed, from tick {first} of episode "
+                f"{episode} to tick {last}: its start, or a message before, is not in the bag"
             )
-    return lines
+        one, other = (
+            np.frombuffer(b"".join(each), self._kind.DTYPE) for each in (recorded, computed)
+        )
+        return Replayed(one, other)
 
+    def silences(self) -> list[str]:
+        """A line for each time in which the node, once it had begun, answered no sample."""
+        answered = {key_of(raw) for raw, *_ in self._lane.rows[self._kind.TOPIC]}
+        if not answered:
+            return []
+        first, step = min(answered), self._step
+        asked = sorted(key for key in self._lane.samples if key > first and key[1] % step == 0)
+        lines = []
+        for silent, keys in itertools.groupby(asked, key=lambda key: (key not in answered, key[0])):
+            unanswered = list(keys)
+            if silent[0] and step * len(unanswered) >= _SILENT_TICKS:
+                (episode, begin), (_, end) = unanswered[0], unanswered[-1]
+                lines.append(
+                    f"{self._node}: no message for {len(unanswered)} samples, from tick {begin} of "
+                    f"episode {episode} to tick {end}"
+                )
+        return lines
 
-def _take_due(events: deque[Event], key: Key, received: int) -> list[Event]:
-    """Take the events that hold for a message, without those of a process that came after it.
+    def _answer(self, key: Key, raw: bytes, received: int) -> bytes | None:
+        """The core's message in place of a recorded one; None without a core.
 
-    Args:
-        events: Events not yet applied, in order.
-        key: Episode and tick of the message.
-        received: When the recorder received the message. Wall clock, in ns; `_LAST` if there was
-            no process before, or what it would have answered is not the message.
-    """
-    due = []
-    while events and (events[0].episode, events[0].seq) <= key:
-        if events[0].event == "began" and replaces(events[0].received, received):
-            break
-        due.append(events.popleft())
-    return due
+        Args:
+            key: Episode and tick of the message.
+            raw: The recorded message.
+            received: When the recorder received it. Wall clock, in ns.
+        """
+        if self._core is None:
+            return None
+        answer = self._core.answer(key, received).to_bytes()
+        if answer != raw and (late := self._take_due(key, _LAST)):  # published late, not a death
+            self._apply(late, key, key[1])
+            if self._core is not None:
+                answer = self._core.answer(key, received).to_bytes()
+        return answer
 
+    def _take_due(self, key: Key, received: int) -> list[RecordedEvent]:
+        """Take the events that hold for a message, without those of a process that came after it.
 
-def _apply(
-    events: Iterable[Event],
-    core: _Core | None,
-    start: Callable[[Setting], _Core],
-    key: Key,
-    step: int,
-    unrecorded: int,
-) -> _Core | None:
-    """Apply a node's events; returns the core from there on.
+        Args:
+            key: Episode and tick of the message.
+            received: When the recorder received the message. Wall clock, in ns; `_LAST` if there
+                was no process before, or what it would have answered is not the message.
+        """
+        due, events = [], self._events
+        while events and (events[0].episode, events[0].seq) <= key:
+            if events[0].event == "began" and replaces(events[0].received, received):
+                break
+            due.append(events.popleft())
+        return due
 
-    Args:
-        events: The events.
-        core: The core so far.
-        start: Makes the node's core from its parameters and files.
-        key: Episode and tick of the next message.
-        step: Ticks from one message of the node to the next.
-        unrecorded: First tick from which on the core so far answered all, whatever is recorded.
+    def _apply(self, events: Iterable[RecordedEvent], key: Key, unrecorded: int) -> None:
+        """Apply events of the node before its next message.
 
-    Raises:
-        MissingInputError: naming the missing message.
-    """
-    for event in events:
-        if event.event == "began":
-            setting = Setting(event.content["parameters"], event.content["files"])
-            core = start(setting) if event.episode == key[0] else None
-            unrecorded = event.seq
-        elif core is not None:
-            core.follow(key[0], range(unrecorded, event.seq, step))
-            unrecorded = max(unrecorded, event.seq)
-            core.apply(event)
-    if core is not None:
-        core.follow(key[0], range(unrecorded, key[1], step))
-    return core
+        Args:
+            events: The events.
+            key: Episode and tick of the next message.
+            unrecorded: First tick from which on the core so far answered all, whatever is recorded.
+
+        Raises:
+            MissingInputError: naming the missing message.
+        """
+        for event in events:
+            if event.event == "began":
+                setting = Setting(event.content["parameters"], event.content["files"])
+                self._core = self._start(setting) if event.episode == key[0] else None
+                unrecorded = event.seq
+            elif self._core is not None:
+                self._core.follow(key[0], range(unrecorded, event.seq, self._step))
+                unrecorded = max(unrecorded, event.seq)
+                self._core.apply(event)
+        if self._core is not None:
+            self._core.follow(key[0], range(unrecorded, key[1], self._step))
 
 
 def _sections(changes: Iterable[str]) -> dict[str, dict[str, Any]]:
