@@ -12,41 +12,41 @@ from cassie_bags.cli.frame import OK, WRONG_INPUT
 
 COMMANDS = {
     "Run": {
-        "robot": ("cli.robot", "start the nodes of a robot, and end all by one Ctrl-C"),
-        "experiment": ("cli.experiment", "run experiment files, and evaluate them"),
+        "robot": "start the nodes of a robot, and end all by one Ctrl-C",
+        "experiment": "run experiment files, and evaluate them",
     },
     "Record and replay": {
-        "record": ("cli.record", "record topics into a bag"),
-        "replay": ("cli.replay", "publish a bag's messages, or verify them to the last bit"),
-        "recover": ("cli.recover", "make an indexed bag of a damaged one"),
+        "record": "record topics into a bag",
+        "replay": "publish a bag's messages, or verify them to the last bit",
+        "recover": "make an indexed bag of a damaged one",
     },
     "Look at bags": {
-        "info": ("cli.info", "summary of a bag"),
-        "report": ("cli.report", "a page about recorded runs"),
-        "plot": ("cli.plot", "draw fields over time"),
-        "compare": ("cli.compare", "where two bags differ"),
-        "export": ("cli.export", "topics as CSV, Parquet or npz"),
+        "info": "summary of a bag",
+        "report": "a page about recorded runs",
+        "plot": "draw fields over time",
+        "compare": "where two bags differ",
+        "export": "topics as CSV, Parquet or npz",
     },
     "Measure": {
-        "sweep": ("cli.sweep", "what the robot can do, row by row"),
-        "faults": ("cli.faults", "let sensors fail, and measure the reaction"),
-        "failsafes": ("cli.failsafes", "test every fail-safe"),
-        "fingerprint": ("cli.fingerprint", "whether every trajectory is unchanged"),
-        "estimators": ("cli.estimators", "errors of both estimators"),
-        "return_map": ("cli.return_map", "the step-to-step map, by gentle pushes"),
+        "sweep": "what the robot can do, row by row",
+        "faults": "let sensors fail, and measure the reaction",
+        "failsafes": "test every fail-safe",
+        "fingerprint": "whether every trajectory is unchanged",
+        "estimators": "errors of both estimators",
+        "return_map": "the step-to-step map, by gentle pushes",
     },
     "Tune": {
-        "tune": ("cli.tune", "search for parameters by CMA-ES"),
-        "learn_torques": ("cli.learn_torques", "learn torques over steps"),
+        "tune": "search for parameters by CMA-ES",
+        "learn_torques": "learn torques over steps",
     },
 }
-"""Commands by group, with module and purpose. Each is an executable of the package, too."""
+"""Purpose of each command, by group. Each is a module of `cli`, and an executable, too."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that is named first."""
     words = list(sys.argv[1:] if argv is None else argv)
-    known = {name: module for group in COMMANDS.values() for name, (module, _) in group.items()}
+    known = [name for group in COMMANDS.values() for name in group]
     if not words or words[0].startswith("-"):
         _parser().parse_args(words or ["--help"])
         return OK
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"cassie_bags: error: there is no command {words[0]}{hint}", file=sys.stderr)
         return WRONG_INPUT
     sys.argv = words  # where commands and nodes read their arguments
-    code: int | None = import_module(f"cassie_bags.{known[words[0]]}").main()
+    code: int | None = import_module(f"cassie_bags.cli.{words[0]}").main()
     return code or OK
 
 
@@ -64,7 +64,7 @@ def _parser() -> argparse.ArgumentParser:
     lines = [
         line
         for title, group in COMMANDS.items()
-        for line in (f"\n{title}:", *(f"  {name:<14}{text}" for name, (_, text) in group.items()))
+        for line in (f"\n{title}:", *(f"  {name:<14}{text}" for name, text in group.items()))
     ]
     return argparse.ArgumentParser(
         prog="cassie_bags",

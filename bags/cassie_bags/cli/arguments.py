@@ -131,6 +131,25 @@ def add_out(parser: argparse.ArgumentParser, command: str) -> None:
     )
 
 
+def add_output(
+    parser: argparse.ArgumentParser,
+    metavar: str,
+    words: str,
+    kind: Callable[[str], Path] = Path,
+    default: Path | None = None,
+) -> None:
+    """Option `-o`: the file or folder for the output.
+
+    Args:
+        parser: Parser of the command.
+        metavar: What the output is, for the help.
+        words: Use of the output, for the help.
+        kind: Reads the word, and refuses wrong ones.
+        default: Output without this option.
+    """
+    parser.add_argument("-o", "--output", type=kind, default=default, metavar=metavar, help=words)
+
+
 def add_results(parser: argparse.ArgumentParser, what: str) -> None:
     """Option `--results`: a Markdown file of results that gets the table.
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from cassie_bags.cli.arguments import add_bag, picture
+from cassie_bags.cli.arguments import add_bag, add_output, picture
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
@@ -32,13 +32,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     for name in ("a", "b"):
         add_bag(parser, name, metavar=name.upper())
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=picture,
-        metavar="FILE",
-        help="also plot both: .png, .svg or .pdf",
-    )
+    add_output(parser, "FILE", "also plot both: .png, .svg or .pdf", picture)
     return parser
 
 

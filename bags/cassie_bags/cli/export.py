@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_bag, one_of
+from cassie_bags.cli.arguments import add_bag, add_output, one_of
 from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes, stem
 
 FORMATS = ("csv", "parquet", "npz")
@@ -28,13 +28,7 @@ def _parser() -> argparse.ArgumentParser:
         help=f"{', '.join(FORMATS)} (default csv)",
     )
     parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="topics (default: all)")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FOLDER",
-        help="target folder (default: BAG_FORMAT)",
-    )
+    add_output(parser, "FOLDER", "target folder (default: BAG_FORMAT)")
     return parser
 
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_bag, picture
+from cassie_bags.cli.arguments import add_bag, add_output, picture
 from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes, new_file, stem
 
 
@@ -22,13 +22,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "fields", nargs="*", metavar="TOPIC.FIELD", help="one panel each; /cassie/ may be left out"
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=picture,
-        metavar="FILE",
-        help=".png, .svg or .pdf (default: BAG.png)",
-    )
+    add_output(parser, "FILE", ".png, .svg or .pdf (default: BAG.png)", picture)
     return parser
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import count, in_range, one_of
+from cassie_bags.cli.arguments import add_output, count, in_range, one_of
 from cassie_bags.cli.frame import CommandParser, exit_codes, node_words
 
 MIB = 1 << 20
@@ -47,13 +47,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         metavar="TOPIC",
         help="topics to record (default: the control lane and the usual ones)",
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="NAME.mcap|FOLDER",
-        help="file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)",
-    )
+    about = "file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)"
+    add_output(parser, "NAME.mcap|FOLDER", about)
     parser.add_argument("-a", "--all", action="store_true", help="record every topic")
     times = parser.add_mutually_exclusive_group()
     times.add_argument(

@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+from cassie_bags.cli.arguments import add_output
 from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes
 
 
@@ -20,13 +21,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "file", type=Path, metavar="BAG", help="the damaged bag: a file, or a folder of ros2 bag"
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="BAG",
-        help="new bag (default: FILE_recovered.mcap)",
-    )
+    add_output(parser, "BAG", "new bag (default: FILE_recovered.mcap)")
     return parser
 
 

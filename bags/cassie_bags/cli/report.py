@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cassie_bags.cli.arguments import add_bag
+from cassie_bags.cli.arguments import add_bag, add_output
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
@@ -28,14 +28,8 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("done", "an experiment was not as expected", runs=False),
     )
     add_bag(parser, "bags", nargs="+")
-    parser.add_argument(
-        "-o",
-        "--output",
-        type=_page,
-        default=Path("report.html"),
-        metavar="FILE.html",
-        help="default: report.html",
-    )
+    default = Path("report.html")
+    add_output(parser, "FILE.html", f"the page (default: {default})", _page, default)
     parser.add_argument("--no-video", action="store_true", help="make no video")
     return parser
 
