@@ -24,7 +24,8 @@ from cassie_bags.studies.run_trial import experiment_of
 from cassie_bags.studies.sweep.course import Budget, walk
 from cassie_bags.studies.sweep.table import chosen_rows
 from cassie_msgs.experiment.file import Experiment
-from cassie_msgs.layout import RobotMode, Sensors
+from cassie_msgs.experiment.scenario import SensorFault
+from cassie_msgs.layout import MotorCommand, RobotMode, Sensors
 
 CHANNELS = ("orientation", "linear_acceleration.2", "drive_position.3", "joint_velocity.1")
 
@@ -90,10 +91,23 @@ def test_the_hard_touchdowns_of_a_fast_walk_are_no_faults():
 
 
 def test_a_knee_that_tells_nothing_at_all_damps_the_drives():
-    (cell,) = run_table(
-        ["drive_position.3"], ["nan"], ["standing"], seed=2, also=("drive_velocity.3",)
-    )
-    assert cell.outcome == "damps"
+    faults = [
+        SensorFault(t=2.5, channel=channel, kind="nan")
+        for channel in ("drive_position.3", "drive_velocity.3")
+    ]
+    command = MotorCommand()
+
+    def observe(topic: str, raw: bytes, _: int) -> None:
+        if topic == MotorCommand.TOPIC:
+            command.load(raw)
+
+    loop = connect(make_cores(replace(fault_experiment("standing", 2), faults=faults)), observe)
+    stiff = []
+    for _ in range(1500):
+        loop.tick()
+        stiff.append(command.kp.any())
+    assert stiff[1249]
+    assert not any(stiff[1500 - 100 :])
 
 
 def test_the_same_fault_ends_the_same():
@@ -103,10 +117,10 @@ def test_the_same_fault_ends_the_same():
 
 def test_damping_after_a_fall_is_a_fall_and_sinking_in_damping_is_none():
     def outcome(*ticks, standing=False):
-        fate = FaultOutcome()
+        watched = FaultOutcome()
         for height, tilt, damped in ticks:
-            fate.note(height, tilt, damped=damped)
-        return fate.outcome(standing=standing)
+            watched.note(height, tilt, damped=damped)
+        return watched.outcome(standing=standing)
 
     up, tipping, down = (0.95, 0.0), (0.9, 0.8), (0.3, 1.2)
     assert outcome((*up, False), (*tipping, False), (*down, True)) == "falls"

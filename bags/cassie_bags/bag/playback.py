@@ -82,9 +82,7 @@ class Playback:
         if self._wall is None:
             self._wall = wall
         if self._index >= self._last:
-            if not self._loop or self._first >= self._last:
-                return None, float("inf")
-            if self.paused:
+            if not self._loop or self._first >= self._last or self.paused:
                 return None, float("inf")
             self.rounds += 1
             self.seek(self.begin, wall)

@@ -18,8 +18,8 @@ from cassie_msgs.layout import OperatorCommand, Sensors
 
 _ChoiceT = TypeVar("_ChoiceT", int, tuple[int, int])
 
-NOBODYS = -1
-"""Instead of the number of an episode: the message belongs to no episode."""
+NO_EPISODE = -1
+"""In place of the number of an episode, for a message of no episode."""
 
 _SEQ_BITS = 31  # 12 days at 2 kHz; with the 32 bits of an episode they fit in a number
 _IN_FLIGHT = 1_000_000_000  # ns by which a stamp may lie outside of its episode's samples
@@ -46,12 +46,12 @@ def of_the_run(lane: Mapping[str, Rows], stamped: Mapping[str, Rows]) -> dict[st
         if topic != Sensors.TOPIC:
             flags[topic] = _answers(topic, rows, latest)
     for topic, rows in stamped.items():
-        flags[topic] = episode_of(rows, sensors) != NOBODYS
+        flags[topic] = episode_of(rows, sensors) != NO_EPISODE
     return flags
 
 
 def episode_of(rows: Rows, sensors: Rows) -> IntArray:
-    """Episode of messages that do not carry its number. Shape (n,); `NOBODYS` for a stray.
+    """Episode of messages that do not carry its number. Shape (n,); `NO_EPISODE` for a stray.
 
     Stamps begin at 0 in each episode, so that a stamp alone may fit several episodes. The result is
     the longest series that is in order of the episodes, and of time within each episode.
@@ -68,12 +68,12 @@ def episode_of(rows: Rows, sensors: Rows) -> IntArray:
     inside &= times[:, None] <= sampled[ends] + _IN_FLIGHT
     if len(numbers) == 1:
         rising = _rising(np.where(inside[:, 0], times, -1))
-        return np.where(rising, numbers[0].astype(np.int64), NOBODYS)
+        return np.where(rising, numbers[0].astype(np.int64), NO_EPISODE)
     choices = [
         [(int(number), time) for number in numbers[row][::-1]]
         for row, time in zip(inside, times.tolist(), strict=True)
     ]
-    episodes = np.full(len(rows), NOBODYS, np.int64)
+    episodes = np.full(len(rows), NO_EPISODE, np.int64)
     for row, (number, _) in _longest(choices).items():
         episodes[row] = number
     return episodes

@@ -224,9 +224,7 @@ def _decoded(
         yield from zip(times[topic], decode(kind, index.definitions[kind], raw), strict=True)
 
 
-def _topic(
-    topic: str, kind: str, times: list[int], of_run: list[int] | None = None
-) -> TopicSummary:
+def _topic(topic: str, kind: str, times: list[int], of_run: list[int] | None) -> TopicSummary:
     """Summary of a topic from all its times (ns), and from those of the run's messages if known."""
     own = times if of_run is None else of_run
     span = (max(own) - min(own)) * 1e-9 if own else 0.0

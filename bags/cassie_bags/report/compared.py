@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from cassie_bags.bag.comparison import TopicComparison
 from cassie_bags.bag.summary import Summary
 from cassie_bags.errors import BagError
-from cassie_bags.report.text import aligned
+from cassie_bags.report.plain import aligned
 
 
 def comparison_text(

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from cassie_bags.bag.fields import OUTPUTS
-from cassie_bags.bag.rows import BoolArray, FloatArray
+from cassie_bags.bag.rows import BoolArray, FloatArray, stamps
 from cassie_bags.bag.summary import Interval
 from cassie_bags.report.view import View
 from cassie_bags.signals.estimation import estimation_error
@@ -205,7 +205,7 @@ def outputs_by_phase(view: View) -> Figure | None:
     rows = view.status[(view.status["mode"] == RobotMode.WALK) & (view.status["stance_leg"] >= 0)]
     if len(rows) < MIN_SAMPLES:
         return None
-    time = rows["sec"] + rows["nanosec"] * 1e-9
+    time = stamps(rows)
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     panels = figure.subplots(3, 3, sharex=True).ravel()
     edges = np.linspace(0.0, 1.0, _BINS + 1)

@@ -11,7 +11,7 @@ from typing import Any
 import jinja2
 from PIL import Image
 
-from cassie_bags.report.json_values import finite
+from cassie_bags.report.plain import finite
 from cassie_bags.report.text import outcome_content, phase_content
 from cassie_bags.report.view import View
 from cassie_bags.run.judge import RunResult

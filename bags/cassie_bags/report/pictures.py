@@ -54,7 +54,12 @@ def draw(view: View, folder: Path, *, film: bool = True) -> dict[str, Path]:
         The files by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    video, reason = _film(view, folder / "video.mp4") if film else (None, None)
+    video = reason = None
+    if film:
+        try:
+            video = film_of(view, folder / "video.mp4")
+        except SimulationError as error:
+            reason = str(error)
     try:
         files = draw_all(view, folder)
         files["strip"] = folder / "strip.png"
@@ -67,14 +72,6 @@ def draw(view: View, folder: Path, *, film: bool = True) -> dict[str, Path]:
     if reason is not None:
         print(f"stick figures and no video: {reason}", file=sys.stderr)
     return files
-
-
-def _film(view: View, path: Path) -> tuple[Film | None, str | None]:
-    """A film that a process of its own makes, and None; or None, and the reason."""
-    try:
-        return film_of(view, path), None
-    except SimulationError as error:
-        return None, str(error)
 
 
 def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) -> list[int]:

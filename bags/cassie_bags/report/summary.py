@@ -7,10 +7,7 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from cassie_bags.bag.summary import STATUS_TOPIC, Interval, Summary
-from cassie_bags.report.json_values import finite
-from cassie_bags.report.text import aligned
-
-_WIDTH = 80  # width of a terminal, in characters
+from cassie_bags.report.plain import WIDTH, aligned, finite
 
 
 def summary_text(summary: Summary, falls: Mapping[int, float] | None) -> str:
@@ -60,9 +57,7 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
     yield ""
     yield from _section("missing", summary.gaps or ["nothing: seq has no gap"])
     if summary.strays:
-        yield from _section(
-            "strangers", [f"{line} of no node of this run" for line in summary.strays]
-        )
+        yield from _section("strays", [f"{line} of no node of this run" for line in summary.strays])
     yield from _section("episodes", [f"{e.name}: {_span(e)}" for e in summary.episodes])
     yield from _section("modes", map(_with_reason, summary.modes))
     if summary.modes and not summary.has_status:
@@ -93,7 +88,7 @@ def _speed(summary: Summary) -> str:
 
 def _section(name: str, lines: Iterable[str]) -> Iterator[str]:
     for index, line in enumerate(lines):
-        wrapped = textwrap.wrap(line, _WIDTH - 13) or [""]
+        wrapped = textwrap.wrap(line, WIDTH - 13) or [""]
         for part, words in enumerate(wrapped):
             head = name if index == part == 0 else ""
             yield f"{head:<13}{words}"

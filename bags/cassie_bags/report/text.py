@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cassie_bags.report.json_values import finite
+from cassie_bags.report.plain import WIDTH, aligned, finite
 from cassie_bags.run.judge import RunResult, checks
 from cassie_bags.signals.metrics import UNITS, PhaseMetrics
 from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS, TRACKED
@@ -18,7 +18,6 @@ from cassie_msgs.tunables import as_mapping
 
 _HEADINGS = ("phase", "", "vx", "vy", "yaw", "height", "drift", "turn")
 _UNITS = ("", "", "m/s", "m/s", "rad/s", "m", "m", "deg")
-_WIDTH = 80  # width of a terminal, in characters
 
 
 def json_line(outcome: RunResult) -> str:
@@ -76,7 +75,7 @@ def table(outcome: RunResult) -> str:
         f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how}",
         *aligned(rows, left=2, heading=2),
         "",
-        *textwrap.wrap(_drawn(outcome.experiment), _WIDTH),
+        *textwrap.wrap(_drawn(outcome.experiment), WIDTH),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "
         f"{metrics.run['duration']:.2f} s of robot time, {_count(metrics.run['steps'])} steps",
         f"peak torque {100 * metrics.run['peak_torque_ratio']:.0f} % of the drive's limit, "
@@ -142,26 +141,6 @@ def _rows(phase: PhaseMetrics) -> list[list[str]]:
         [time, "achieved", *achieved, *moved],
         ["", "RMS error", *errors, "", ""],
     ]
-
-
-def aligned(rows: Sequence[Sequence[str]], left: int = 1, heading: int = 1) -> list[str]:
-    """Lines of aligned columns with a rule under the heading.
-
-    Args:
-        rows: Cells of each row.
-        left: Number of columns that are flush left.
-        heading: Number of rows above the rule.
-    """
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        cells = [
-            cell.ljust(width) if column < left else cell.rjust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append("  ".join(cells).rstrip())
-    lines.insert(heading, "-" * max(map(len, lines)))
-    return lines
 
 
 def phase_content(phase: PhaseMetrics) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
-RECORD = "cassie_parameters:"
+PARAMETERS_RECORD = "cassie_parameters:"
 """Beginning of the names of metadata records with parameters; the node's name follows."""
 
 
@@ -88,6 +88,6 @@ class NodeParameters:
             self._node.destroy_client(client)
 
 
-def record_of(parameters: dict[str, Any]) -> dict[str, str]:
+def parameters_record(parameters: dict[str, Any]) -> dict[str, str]:
     """Content of a metadata record: each value as JSON."""
     return {name: json.dumps(value, default=list) for name, value in parameters.items()}

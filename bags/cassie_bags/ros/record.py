@@ -28,7 +28,7 @@ from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPE
 from cassie_bags.bag.writer import BagWriter, FolderWriter
 from cassie_bags.cli.record import MIB, is_file
 from cassie_bags.errors import BagError
-from cassie_bags.ros.node_parameters import RECORD, NodeParameters, record_of
+from cassie_bags.ros.node_parameters import PARAMETERS_RECORD, NodeParameters, parameters_record
 from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
 from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
@@ -365,7 +365,7 @@ class Session:
         self._parameters.request()
         while (answer := self._parameters.pop_answer()) is not None:
             name, parameters = answer
-            self._bag.add_metadata(f"{RECORD}{name}", record_of(parameters))
+            self._bag.add_metadata(f"{PARAMETERS_RECORD}{name}", parameters_record(parameters))
             for value in parameters.values():
                 if isinstance(value, str) and value:
                     self._attach_file(Path(value))

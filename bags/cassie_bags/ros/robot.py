@@ -254,9 +254,8 @@ def _ready(arguments: argparse.Namespace, address: str) -> str:
 
 def _log_folder() -> Path:
     """Folder for the logs of this run, in ROS's folder for logs."""
-    environment: Mapping[str, str] = os.environ
-    home = Path(environment.get("ROS_HOME", "~/.ros")).expanduser()
-    folder = Path(environment.get("ROS_LOG_DIR", home / "log"))
+    home = Path(os.environ.get("ROS_HOME", "~/.ros")).expanduser()
+    folder = Path(os.environ.get("ROS_LOG_DIR", home / "log"))
     return folder / time.strftime("cassie_%Y-%m-%d_%H-%M-%S")
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from cassie_bags.bag.rows import FloatArray, Rows
+from cassie_bags.signals.leg_geometry import in_heading
 
 
 @dataclass(frozen=True)
@@ -37,11 +36,9 @@ def estimation_error(
         angles: True yaw, pitch, roll. Shape (n, 3), in rad.
     """
     error = state["v"][:, :3] - velocity
-    c, s = np.cos(angles[:, 0]), np.sin(angles[:, 0])
-    forward, left = c * error[:, 0] + s * error[:, 1], c * error[:, 1] - s * error[:, 0]
     moved = (state["q"][:, :2] - state["q"][0, :2]) - (position[:, :2] - position[0, :2])
     return EstimationError(
-        velocity=np.stack([forward, left, error[:, 2]], axis=1),
+        velocity=in_heading(error, angles[:, 0]),
         tilt=state["q"][:, [5, 4]] - angles[:, [2, 1]],
         position=moved,
     )

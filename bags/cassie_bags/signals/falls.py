@@ -20,9 +20,8 @@ FALLEN_HEIGHT = 0.30
 
 def fall_time(track: Track) -> float | None:
     """Time of the first fall, in robot time of its episode (s); None if the robot did not fall."""
-    up = np.cos(track.angles[:, 1]) * np.cos(track.angles[:, 2])
     height = track.position[:, 2] - track.sole_height.min(axis=1)
-    fallen = (up < math.cos(FALLEN_TILT)) | (height < FALLEN_HEIGHT)
+    fallen = (track.upright < math.cos(FALLEN_TILT)) | (height < FALLEN_HEIGHT)
     return float(track.time[np.argmax(fallen)]) if fallen.any() else None
 
 

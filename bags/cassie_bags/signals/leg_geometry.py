@@ -81,6 +81,13 @@ def euler_angles(orientation: FloatArray) -> FloatArray:
     return np.stack([yaw, pitch, roll], axis=1)
 
 
+def in_heading(vectors: FloatArray, yaw: FloatArray) -> FloatArray:
+    """World vectors, shape (n, 3), in heading frames of yaw angles (rad): ahead, left, up."""
+    x, y, z = vectors.T
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.stack([c * x + s * y, c * y - s * x, z], axis=1)
+
+
 def quaternions(angles: FloatArray) -> FloatArray:
     """Quaternions x y z w of yaw, pitch and roll (z-y-x, rad). Shape (n, 3) to (n, 4)."""
     (cy, cp, cr), (sy, sp, sr) = np.cos(0.5 * angles.T), np.sin(0.5 * angles.T)

@@ -116,7 +116,7 @@ def _tracking(track: Track) -> dict[str, float]:
 def _journey(track: Track) -> dict[str, float]:
     start = int(np.argmax(track.carries)) if track.carries.any() else 0
     away = np.linalg.norm(track.position[start:, :2] - track.position[start, :2], axis=1)
-    up = np.cos(track.angles[start:, 1]) * np.cos(track.angles[start:, 2])
+    up = track.upright[start:]
     height = track.achieved["height"][start:]
     return {
         "duration": float(track.time[-1] - track.time[0]),
@@ -129,8 +129,7 @@ def _journey(track: Track) -> dict[str, float]:
 
 
 def _phase(track: Track, phase: Phase) -> PhaseMetrics:
-    tick = track.time[1] - track.time[0] if len(track.time) > 1 else 0.0
-    reached = bool(track.time[-1] >= phase.t1 - 1.5 * tick)
+    reached = bool(track.time[-1] >= phase.t1 - 1.5 * track.tick)
     inside = (track.time >= phase.t0 - 1e-9) & (track.time < phase.t1 - 1e-9)
     if not inside.any():
         nothing = dict.fromkeys(PHASE_METRICS, math.nan)
@@ -147,7 +146,7 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
         "drift": float(away.max()),
         "distance": float(away[-1]),
         "turn_deg": math.degrees(float(yaw[-1] - yaw[0])),
-        "speed_peak": _speed_peak(track.position[inside, :2], tick),
+        "speed_peak": _speed_peak(track.position[inside, :2], track.tick),
         "vx_min": float(track.achieved["vx"][inside].min()),
         "vx_max": float(track.achieved["vx"][inside].max()),
         "sole_pitch_deg": sole_pitch(track, inside),

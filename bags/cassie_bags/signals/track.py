@@ -16,6 +16,7 @@ from cassie_bags.bag.rows import BoolArray, FloatArray, IntArray, Rows, stamps, 
 from cassie_bags.errors import BagError
 from cassie_bags.signals.leg_geometry import (
     euler_angles,
+    in_heading,
     leg_points,
     quaternions,
     rotation_matrices,
@@ -76,10 +77,20 @@ class Track:
     wheels: FloatArray
 
     @property
+    def tick(self) -> float:
+        """Time between two ticks; 0 with a single tick. In s."""
+        return float(self.time[1] - self.time[0]) if len(self.time) > 1 else 0.0
+
+    @property
+    def upright(self) -> FloatArray:
+        """Cosine of the tilt of the pelvis. Shape (n,)."""
+        cosine: FloatArray = np.cos(self.angles[:, 1]) * np.cos(self.angles[:, 2])
+        return cosine
+
+    @property
     def sole_height(self) -> FloatArray:
         """Height of the middle of each sole in the world. Shape (n, 2), in m."""
-        heights: FloatArray = self.legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
-        return heights
+        return _sole_heights(self.legs)
 
     @property
     def sole_pitch(self) -> FloatArray:
@@ -209,17 +220,23 @@ def _nearby(flags: BoolArray, time: FloatArray, width: float) -> BoolArray:
 
 def _velocities(truth: Rows, world: FloatArray, angles: FloatArray) -> dict[str, FloatArray]:
     yaw, pitch, roll = angles.T
+    ahead, left, _ = in_heading(world, yaw).T
     rate = truth["angular"]
     return {
-        "vx": np.cos(yaw) * world[:, 0] + np.sin(yaw) * world[:, 1],
-        "vy": -np.sin(yaw) * world[:, 0] + np.cos(yaw) * world[:, 1],
+        "vx": ahead,
+        "vy": left,
         "yaw_rate": (np.sin(roll) * rate[:, 1] + np.cos(roll) * rate[:, 2]) / np.cos(pitch),
     }
 
 
+def _sole_heights(legs: FloatArray) -> FloatArray:
+    heights: FloatArray = legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
+    return heights
+
+
 def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
     """Height of the ground under the robot: mean of the soles, weighted by their load."""
-    soles = legs[:, :, -2:, 2].mean(axis=2) - SOLE_RADIUS
+    soles = _sole_heights(legs)
     weight = load.clip(0.0, 1.0)
     total = weight.sum(axis=1)
     loaded = (soles * weight).sum(axis=1) / np.where(total > 0.0, total, 1.0)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cassie_bags.bag.rows import BoolArray, FloatArray, Rows, stamps
+from cassie_bags.signals.leg_geometry import in_heading
 from cassie_bags.signals.metrics import sole_pitch
 from cassie_bags.signals.track import AVERAGED_OVER, Track
 from cassie_gaits.gait_library import OUTPUTS
@@ -71,13 +72,11 @@ def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> d
         - tracking (rad and m): RMS error of the nine outputs; `TRACKING` has that of each output.
     """
     t0, t1 = window
-    inside = (track.time >= t0) & (track.time < t1)
-    tick = float(track.time[1] - track.time[0])
-    if track.time[-1] < t1 - 1.5 * tick:
+    if (inside := _inside(track, window)) is None:
         return dict.fromkeys(WINDOW_MEASURES, math.nan)
     away = track.position[inside, :2] - track.position[inside][0, :2]
     measures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
-    two_steps = round(AVERAGED_OVER / tick)
+    two_steps = round(AVERAGED_OVER / track.tick)
     measures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
     measures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
     measures["velocity_off"] = _velocity_off(track, inside, two_steps)
@@ -94,6 +93,13 @@ def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> d
     measures["tracking"] = float(np.sqrt(squares.mean()))
     measures |= dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True))
     return measures
+
+
+def _inside(track: Track, window: tuple[float, float]) -> BoolArray | None:
+    """Whether each sample is in a window (s); None if the run ended before the window did."""
+    t0, t1 = window
+    ended = track.time[-1] < t1 - 1.5 * track.tick
+    return None if ended else (track.time >= t0) & (track.time < t1)
 
 
 def _over_two_steps(values: FloatArray, width: int) -> FloatArray:
@@ -134,8 +140,8 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
 def _estimate_errors(track: Track, inside: BoolArray) -> dict[str, float]:
     """Errors of the estimated velocity and displacement, compared with the truth."""
     rows = track.state[inside]
-    true = _in_heading(track.velocity[inside], track.angles[inside, 0])
-    estimated = _in_heading(rows["v"][:, :3], rows["q"][:, 3])
+    true = in_heading(track.velocity[inside], track.angles[inside, 0])
+    estimated = in_heading(rows["v"][:, :3], rows["q"][:, 3])
     rmse = np.sqrt(((estimated - true) ** 2).mean(axis=0))
     moved = [_displacement(track.position[inside], track.angles[inside, 0])]
     moved.append(_displacement(rows["q"][:, :3], rows["q"][:, 3]))
@@ -145,15 +151,10 @@ def _estimate_errors(track: Track, inside: BoolArray) -> dict[str, float]:
     return measures
 
 
-def _in_heading(velocity: FloatArray, yaw: FloatArray) -> FloatArray:
-    x, y, z = velocity.T
-    return np.stack([np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x, z], 1)
-
-
 def _displacement(position: FloatArray, yaw: FloatArray) -> FloatArray:
     """Displacement from the first to the last sample, in the first heading. Shape (2,), in m."""
     moved = position[-1] - position[0]
-    return _in_heading(moved[None], yaw[:1])[0, :2]
+    return in_heading(moved[None], yaw[:1])[0, :2]
 
 
 def measure_standing(track: Track, status: Rows, inside: BoolArray) -> dict[str, float]:
@@ -212,16 +213,13 @@ def measure_effort(track: Track, window: tuple[float, float], mass: float) -> di
         torque_rms: RMS over time of the norm of all torques (Nm). All are NaN if the run ended
         before the window did. Both costs are NaN if the robot moved by less than half a metre.
     """
-    t0, t1 = window
-    inside = (track.time >= t0) & (track.time < t1)
-    tick = float(track.time[1] - track.time[0])
-    if track.time[-1] < t1 - 1.5 * tick:
+    if (inside := _inside(track, window)) is None:
         return dict.fromkeys(EFFORT_MEASURES, math.nan)
     sensors = track.sensors[inside]
     torque, power = sensors["drive_torque"], sensors["drive_torque"] * sensors["drive_velocity"]
     ends = track.position[inside][[0, -1], :2]
     moved = float(np.linalg.norm(ends[1] - ends[0]))
-    by_weight = tick / (mass * GRAVITY * moved) if moved >= _MIN_DISTANCE else math.nan
+    by_weight = track.tick / (mass * GRAVITY * moved) if moved >= _MIN_DISTANCE else math.nan
     return {
         "transport_work": float(power.clip(0.0).sum()) * by_weight,
         "transport_work_abs": float(np.abs(power).sum()) * by_weight,

@@ -10,6 +10,7 @@ import argparse
 import dataclasses
 import datetime
 import functools
+import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -127,7 +128,6 @@ class _FaultyPlant:
         self._plant = plant
         self._truth = Sensors()
         self.fault: ActiveFault | None = None
-        self.also: list[ActiveFault] = []
         self.error: Callable[[Sensors, Sensors], float] = lambda _, __: 0.0
         self.largest = 0.0
 
@@ -138,8 +138,7 @@ class _FaultyPlant:
         sample = self._plant.sense()
         if self.fault is not None:
             self._truth.copy_from(sample)
-            for fault in (self.fault, *self.also):
-                fault.spoil(self._plant.seq * self._plant.substeps, sample)
+            self.fault.spoil(self._plant.seq * self._plant.substeps, sample)
             self.largest = max(self.largest, self.error(self._truth, sample))
         return sample
 
@@ -195,22 +194,12 @@ class PreparedRun:
             self._loop.tick()
             observe_tick(tick * self._plant.tick_ns * 1e-9)
 
-    def _fault(self, channel: str, kind: str) -> ActiveFault:
-        size = _DELAY if kind == "delay" else _SPIKES[quantity(channel)]
-        fault = SensorFault(t=self._plant.time, channel=channel, kind=kind, size=size)
-        return ActiveFault(fault, self._plant.config.physics_rate)
-
-    def fail(self, channel: str, kind: str, also: Sequence[str] = ()) -> Cell:
-        """Let a channel fail and observe the outcome; to be called once, in a process of its own.
-
-        Args:
-            channel: Channel that fails.
-            kind: Kind of fault.
-            also: Channels that fail in the same way at the same time.
-        """
+    def fail(self, channel: str, kind: str) -> Cell:
+        """Let a channel fail and observe the outcome; call it once, in a process of its own."""
         plant, what = self._plant, quantity(channel)
-        plant.fault = self._fault(channel, kind)
-        plant.also = [self._fault(other, kind) for other in also]
+        size = _DELAY if kind == "delay" else _SPIKES[what]
+        fault = SensorFault(t=plant.time, channel=channel, kind=kind, size=size)
+        plant.fault = ActiveFault(fault, plant.config.physics_rate)
         plant.error = lambda truth, sample: error_of(channel, truth, sample)
         seen: dict[str, float] = {}
         watched = FaultOutcome()
@@ -250,7 +239,6 @@ def run_table(
     modes: Sequence[str],
     seed: int,
     jobs: int = 1,
-    also: Sequence[str] = (),
 ) -> Iterable[Cell]:
     """Cells of the table, in the order of completion.
 
@@ -260,15 +248,14 @@ def run_table(
         modes: Modes of the robot, of `MODES`.
         seed: Seed of the robot.
         jobs: Number of processes at a time.
-        also: Channels that fail together with each one.
     """
     for mode in modes:
         prepared = PreparedRun(mode, seed)
-        faults = [(channel, kind, tuple(also)) for channel in channels for kind in kinds]
+        faults = list(itertools.product(channels, kinds))
         yield from in_copies(functools.partial(_fail, prepared), faults, jobs)
 
 
-def _fail(prepared: PreparedRun, fault: tuple[str, str, tuple[str, ...]]) -> Cell:
+def _fail(prepared: PreparedRun, fault: tuple[str, str]) -> Cell:
     return prepared.fail(*fault)
 
 

@@ -114,7 +114,7 @@ def _runs(arguments: argparse.Namespace, seconds: float | None) -> list[Run]:
 
 
 def _bag(folder: Path | None, name: str, robot: int) -> Path | None:
-    """The bag of a run that the command `experiments` wrote into its folder; None if absent."""
+    """The bag of a run that the command `experiment` wrote into its folder; None if absent."""
     if folder is None:
         return None
     bag = folder / (f"{name}_{robot}" if robot else name) / "bag.mcap"

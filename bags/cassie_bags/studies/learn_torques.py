@@ -20,11 +20,12 @@ from tqdm import tqdm
 from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.figures import BLUE, GREY, STYLE
+from cassie_bags.report.plain import aligned
 from cassie_bags.run.cores import connect, load_learned, make_cores, tick_count
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.signals.window import TRACKING
-from cassie_bags.studies.run_trial import experiment_of, has_fallen, run_trial
+from cassie_bags.studies.run_trial import CHECK_TICKS, experiment_of, has_fallen, run_trial
 from cassie_bags.studies.sweep.course import Budget, comparison, steady, walk
 from cassie_bags.studies.trial import Measures
 from cassie_bags.studies.workers import Workers, all_results, workers
@@ -47,7 +48,6 @@ HELD_OUT_FROM = 1001
 
 FILE = path_for_library(default_library_path()).name
 
-_CHECK_TICKS = 25  # ticks between checks for a fall
 _LENGTHS = ("stance_leg_length", "swing_leg_length")
 
 
@@ -105,7 +105,7 @@ def learn(run: LearningRun) -> LearningResult:
     loop = connect(cores, lambda topic, raw, stamp: None)
     for tick in range(tick_count(experiment)):
         loop.tick()
-        if tick % _CHECK_TICKS == 0 and has_fallen(cores.plant):
+        if tick % CHECK_TICKS == 0 and has_fallen(cores.plant):
             return LearningResult(run.speed, before, learning.taught, True)
     return LearningResult(run.speed, learning.torques[0], learning.taught, False)
 
@@ -192,8 +192,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def table(comparisons: Sequence[Comparison]) -> str:
     """Table of the errors without and with learned torques, and of their ratio, by speed."""
-    head = ["m/s", "fell", "all nine", "left", *(name.replace("_", " ") for name in OUTPUTS)]
-    lines = [head]
+    lines = [["m/s", "fell", "all nine", "left", *(name.replace("_", " ") for name in OUTPUTS)]]
     for c in comparisons:
         lines.append(
             [
@@ -204,10 +203,8 @@ def table(comparisons: Sequence[Comparison]) -> str:
                 *(f"{100.0 * share:.0f} %" for share in c.after / c.before),
             ]
         )
-    widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
-    rows = ["  ".join(map(str.rjust, line, widths)) for line in lines]
     title = "RMS tracking without > with learned torques, and what is left of it, of each output"
-    return "\n".join([title, *rows])
+    return "\n".join([title, *aligned(lines, left=0)])
 
 
 def _begin(arguments: argparse.Namespace) -> LearnedTorques:

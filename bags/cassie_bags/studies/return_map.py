@@ -22,7 +22,7 @@ from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
-from cassie_bags.studies.run_trial import has_fallen
+from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
 from cassie_gaits import robot
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Push
@@ -53,7 +53,6 @@ POSITION_RATE = math.sqrt(robot.GRAVITY / PENDULUM_HEIGHT)
 """sqrt(g / height): converts the CoM's position to a velocity. In 1/s."""
 
 _SLOWEST = 1.5  # s, longest time of a step; a run without a touchdown counts as stopped
-_CHECK_TICKS = 25  # ticks between checks for a fall
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ class Walk:
             self._loop.tick()
             if self._timing.steps != steps:
                 return not self._has_stopped()
-            if tick % _CHECK_TICKS == 0 and self._has_stopped():
+            if tick % CHECK_TICKS == 0 and self._has_stopped():
                 break
         return False
 

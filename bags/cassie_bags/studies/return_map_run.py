@@ -17,7 +17,7 @@ from tqdm import tqdm
 from cassie_bags.errors import ExperimentError, RunError
 from cassie_bags.report.figures import STYLE
 from cassie_bags.run.provenance import origin
-from cassie_bags.studies.results import check_file, put_table
+from cassie_bags.studies.results import check_file, markdown, put_table
 from cassie_bags.studies.return_map import (
     DELAYS,
     IMPULSES,
@@ -32,6 +32,12 @@ from cassie_gaits.processes import available_cores
 
 SECTION = "Return maps"
 """Heading of the maps' table in a file of results."""
+
+HEADINGS = (
+    *("speed m/s", "runs", "d after 2 steps", "4", "8", f"steps to {DECAYED:g}", "noise m/s"),
+    *("eigenvalues of two steps", "largest, a run left out", "residual (pairs)"),
+)
+"""Headings of the table."""
 
 ACROSS = 5
 """Largest number of panels side by side in the picture."""
@@ -63,7 +69,7 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
     print(f"seed {options.seed}, pushes of {options.impulse:g} N s; d: see --help", flush=True)
-    print("\n".join(_head()), flush=True)
+    print("\n".join(markdown([HEADINGS])), flush=True)
     rows: list[str] = []
     measured, failed = [], 0
     with tqdm(total=len(speeds) * _RUNS, unit="run", disable=None, leave=False) as bar:
@@ -86,7 +92,7 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
         command = f"ros2 run cassie_bags return_map --seed {options.seed}"
         command += f" --impulse {options.impulse:g}"
         measured_by = origin(command, str(options.seed), now)
-        put_table(options.results, SECTION, [*_head(), *rows], measured_by)
+        put_table(options.results, SECTION, [*markdown([HEADINGS]), *rows], measured_by)
     print(f"{len(speeds) - failed} of {len(speeds)} gaits end nearer to themselves than they began")
     return 1 if failed else 0
 
@@ -114,17 +120,6 @@ def line(one: Measurement) -> str:
         cells.append(" ".join(f"{value:.2f}" for value in one.map.eigenvalues))
         cells += [f"{low:.2f} .. {high:.2f}", f"{one.map.residual:.2f} ({one.map.pairs})"]
     return "| " + " | ".join(cells) + " |"
-
-
-def _head() -> list[str]:
-    names = ["speed m/s", "runs", "d after 2 steps", "4", "8", f"steps to {DECAYED:g}"]
-    names += [
-        "noise m/s",
-        "eigenvalues of two steps",
-        "largest, a run left out",
-        "residual (pairs)",
-    ]
-    return ["| " + " | ".join(names) + " |", "|---" * len(names) + "|"]
 
 
 def _draw(measured: Sequence[Measurement], path: Path) -> Path:

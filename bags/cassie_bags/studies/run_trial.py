@@ -24,7 +24,9 @@ from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
 from cassie_sim.plant import Plant
 from cassie_sim.poses import lowest_sole
 
-_CHECK_TICKS = 25  # ticks between checks whether the run is decided
+CHECK_TICKS = 25
+"""Ticks between checks for a fall, which cost time."""
+
 _AT_REST = 1.0  # s, time over which the speed at the end is averaged
 _FALLING = 1.0  # s before the end of a fall in which alarms do not count as false
 
@@ -72,7 +74,7 @@ def _measures_of(trial: Trial) -> Measures:
     start = _heading_line(cores.plant)
     for tick in range(tick_count(experiment)):
         loop.tick()
-        if tick % _CHECK_TICKS == 0:
+        if tick % CHECK_TICKS == 0:
             fell = has_fallen(cores.plant)
             if fell or _is_past(cores.plant, start, trial.ahead):
                 break

@@ -37,7 +37,7 @@ _WATCHDOG = 0.022  # s: 20 ms without a command and a tick
 
 
 @dataclass(frozen=True)
-class Row:
+class FailSafe:
     """One row of the table.
 
     Attributes:
@@ -228,10 +228,8 @@ def _supervisor_riding(run: WallPaced, rng: Rng, state: str) -> None:
 def _torque_sensor(rng: Rng, t: float) -> dict[str, Any]:
     kind = str(rng.choice(["off", "stuck", "nan", "spike"]))
     channel = f"drive_torque.{rng.integers(10)}"
-    return {"faults": [{"t": t, "channel": channel, "kind": kind, **_SIZES.get(kind, {})}]}
-
-
-_SIZES: dict[str, dict[str, float]] = {"spike": {"size": 200.0}, "off": {}}
+    size = {"size": 200.0} if kind == "spike" else {}
+    return {"faults": [{"t": t, "channel": channel, "kind": kind, **size}]}
 
 
 def _fault_in_samples(run: WallPaced, rng: Rng, state: str) -> None:
@@ -322,7 +320,7 @@ def _link_lost_and_sensor(run: WallPaced, rng: Rng, state: str) -> None:
 
 
 ROWS = (
-    Row(
+    FailSafe(
         "link_lost",
         "The radio's or page's link is bad",
         "at once",
@@ -331,7 +329,7 @@ ROWS = (
         _link_lost,
         ALL,
     ),
-    Row(
+    FailSafe(
         "operator_silent",
         "The operator's node is killed or stopped",
         "0.5 s",
@@ -340,7 +338,7 @@ ROWS = (
         _operator_silent,
         ALL,
     ),
-    Row(
+    FailSafe(
         "flapping_link",
         "The link comes and goes every 0.05 to 0.7 s",
         "at once",
@@ -349,7 +347,7 @@ ROWS = (
         _flapping,
         ALL,
     ),
-    Row(
+    FailSafe(
         "wild_values",
         "Values that mean nothing arrive, and then nothing",
         "at once",
@@ -358,7 +356,7 @@ ROWS = (
         _wild_values,
         ALL,
     ),
-    Row(
+    FailSafe(
         "power_on_refused",
         "Power is switched on while a mode or speed is asked for",
         "at once",
@@ -367,7 +365,7 @@ ROWS = (
         _power_on_refused,
         ("stand",),
     ),
-    Row(
+    FailSafe(
         "power_cut",
         "The operator cuts the power, and asks for it while asking to walk",
         "one physics step",
@@ -375,7 +373,7 @@ ROWS = (
         "hang it up, ask for stand, power on, let it down",
         _power_cut,
     ),
-    Row(
+    FailSafe(
         "other_operator_stops",
         "Another operator presses the emergency stop",
         "one physics step",
@@ -383,7 +381,7 @@ ROWS = (
         "hang it up, power off and on, let it down",
         _other_stops,
     ),
-    Row(
+    FailSafe(
         "estimator_silent",
         "The state estimator is killed, stopped or restarted",
         "20 ms",
@@ -391,7 +389,7 @@ ROWS = (
         "restart it; hang it up, power off and on, let it down",
         _silent_node(ESTIMATOR),
     ),
-    Row(
+    FailSafe(
         "controller_silent",
         "The gait controller is killed, stopped or restarted",
         "20 ms",
@@ -399,7 +397,7 @@ ROWS = (
         "restart it; hang it up, power off and on, let it down",
         _silent_node(CONTROLLER),
     ),
-    Row(
+    FailSafe(
         "supervisor_silent",
         "The mode supervisor is killed, stopped or restarted",
         "0.4 s",
@@ -407,7 +405,7 @@ ROWS = (
         "restart it",
         _supervisor_lost,
     ),
-    Row(
+    FailSafe(
         "torque_differs",
         "A drive reports a torque other than the one commanded",
         "0.1 s",
@@ -417,7 +415,7 @@ ROWS = (
         ON_FOOT,
         _torque_sensor,
     ),
-    Row(
+    FailSafe(
         "attitude",
         "The torso tilts by more than 0.8 rad",
         "20 ms",
@@ -425,7 +423,7 @@ ROWS = (
         "power off, hang it up, power on, let it down",
         _attitude,
     ),
-    Row(
+    FailSafe(
         "lifted",
         "Somebody lifts it while it walks",
         "0.5 s",
@@ -434,7 +432,7 @@ ROWS = (
         _lifted,
         WALKING,
     ),
-    Row(
+    FailSafe(
         "battery",
         "The battery is low, and then empty",
         "20 ms",
@@ -442,7 +440,7 @@ ROWS = (
         "charge it",
         _battery,
     ),
-    Row(
+    FailSafe(
         "missed_ticks",
         "A busy machine misses more than a fifth of the control ticks of a second",
         "1 s",
@@ -450,7 +448,7 @@ ROWS = (
         "end what keeps the machine busy; walking may begin again",
         _missed_ticks,
     ),
-    Row(
+    FailSafe(
         "link_lost_and_push",
         "The link is lost and a push of 8 Ns comes",
         "at once",
@@ -458,7 +456,7 @@ ROWS = (
         "good link, then the speeds at zero once",
         _link_lost_and_push,
     ),
-    Row(
+    FailSafe(
         "link_lost_and_sensor",
         "The link is lost and a sensor fails",
         "at once",
@@ -468,7 +466,7 @@ ROWS = (
         ON_FOOT,
         _any_sensor,
     ),
-    Row(
+    FailSafe(
         "supervisor_riding",
         "The mode supervisor is silent again and again on a Segway",
         "0.4 s",

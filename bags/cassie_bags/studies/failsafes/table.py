@@ -18,7 +18,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.failsafes.people import UnsafeError
-from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, Row
+from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, FailSafe
 from cassie_bags.studies.results import markdown
 from cassie_bags.studies.workers import workers
 from cassie_msgs.experiment.file import Experiment
@@ -45,7 +45,7 @@ class Case:
     phase: int
 
 
-def cases(rows: Sequence[Row], phases: int, first: int = 0) -> list[Case]:
+def cases(rows: Sequence[FailSafe], phases: int, first: int = 0) -> list[Case]:
     """All runs of some rows, `phases` runs for each state."""
     return [
         Case(row.name, state, phase)

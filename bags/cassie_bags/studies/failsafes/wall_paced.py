@@ -18,7 +18,7 @@ from cassie_bags.studies.failsafes.people import (
     SimulatedOperator,
     UnsafeError,
 )
-from cassie_bags.studies.run_trial import has_fallen
+from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
 from cassie_control.guarded import (
     BRIDGED,
     GuardedController,
@@ -32,8 +32,6 @@ from cassie_msgs.operators import Operators
 from cassie_msgs.schedule import ANSWER_AFTER, PERIOD_TICKS
 from cassie_sim import ground_truth, orders
 from cassie_sim.power_switch import PowerSwitch
-
-_CHECK_TICKS = 25  # ticks between checks for a fall
 
 
 class WallPaced:
@@ -90,11 +88,6 @@ class WallPaced:
         """Faults that the supervisor reports, and the reason why there is no power."""
         refused = self._operators.power_refused
         return (*self._supervisor.status.faults, *((f"no power: {refused}",) if refused else ()))
-
-    @property
-    def holder(self) -> str:
-        """Name of the operator who drives."""
-        return self._operators.holder(self.now)
 
     @property
     def armed(self) -> bool:
@@ -168,7 +161,7 @@ class WallPaced:
         self._missed += command is None
         plant.power(self._switch.apply(seq))
         plant.step(command)
-        if seq % _CHECK_TICKS == 0:
+        if seq % CHECK_TICKS == 0:
             self.fallen = self.fallen or has_fallen(plant)
 
     def _hear(self, seq: int) -> None:
@@ -208,21 +201,31 @@ class WallPaced:
 
     def until(
         self, condition: Callable[[], bool], limit: float, what: str, *, upright: bool = True
-    ) -> float:
-        """Run until a condition holds; returns the time that it took. In s.
+    ) -> None:
+        """Run until a condition holds.
+
+        Args:
+            condition: The condition.
+            limit: Longest time until it holds. In s.
+            what: The condition in words, for the error.
+            upright: Whether the robot must not fall.
 
         Raises:
-            UnsafeError: if the condition does not hold within `limit` (s), or the robot falls.
+            UnsafeError: if the condition does not hold in time, or the robot falls.
         """
         start = self.now
         while not condition():
             if self.now - start > limit:
                 raise UnsafeError(f"{what}: not within {limit:g} s; {self.describe()}")
             self.run(self.period, upright=upright)
-        return self.now - start
 
     def hold(self, condition: Callable[[], bool], duration: float, what: str) -> None:
         """Run for a while, in which a condition has to hold at every tick.
+
+        Args:
+            condition: The condition.
+            duration: Robot time. In s.
+            what: The condition in words, for the error.
 
         Raises:
             UnsafeError: if the condition does not hold.

@@ -77,7 +77,7 @@ def beyond_ground_rows() -> list[Row]:
         slope(
             "steep.side", "steep slope to the side", 12.0, [float(n) for n in range(6, 16)], aslant
         ),
-        _step("up", 1.0, 0.1, [0.03, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09, 0.1, 0.12]),
+        _step("up", 1.0, 0.1, LOW),
         _step("down", -1.0, 0.2, [0.08, 0.1, 0.12, 0.14, 0.16, 0.18, 0.2, 0.22]),
         _stairs("up", "up", 0.17, HIGH),
         _stairs("down", "down", 0.17, HIGH),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.report.json_values import finite
+from cassie_bags.report.plain import aligned, finite
 from cassie_bags.run.provenance import Origin, versions
 from cassie_bags.studies.sweep.beyond_ground_rows import beyond_ground_rows
 from cassie_bags.studies.sweep.beyond_rows import beyond_rows
@@ -74,9 +74,7 @@ def table(rows: Sequence[Row], results: Results) -> str:
     for row in rows:
         bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
         lines.append([row.title, bound, *(cell(found.get(row.name)) for found in results.values())])
-    widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
-    text = ["  ".join(map(str.ljust, line, widths)).rstrip() for line in lines]
-    text.insert(1, "-" * max(map(len, text)))
+    text = aligned(lines, left=len(lines[0]))
     for name, found in results.items():
         levels = [level for row in rows if row.name in found for level in found[row.name].levels]
         alarmed, run = sum(level.alarmed for level in levels), sum(level.run for level in levels)
