@@ -146,11 +146,7 @@ class Dynamics:
     def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
         """D(q) with the rotors' inertias. Shape (20, 20)."""
         full = self.configuration(q)
-        G = self._embed(full)
-        upper = pin.crba(self._model, self._data, full)
-        M = np.triu(upper) + np.triu(upper, 1).T
-        result: FloatArray = G.T @ M @ G
-        return result
+        return self._mass_matrix(full, self._embed(full))
 
     def gravity(self, q: npt.ArrayLike) -> FloatArray:
         """H(q, 0): torques that hold the robot against gravity. Shape (20,), in N and Nm."""
@@ -172,8 +168,7 @@ class Dynamics:
         """D, H and the contact terms of the soles, in one pass."""
         full = self.configuration(q)
         G = self._embed(full)
-        upper = pin.crba(self._model, self._data, full)
-        M = np.triu(upper) + np.triu(upper, 1).T
+        mass = self._mass_matrix(full, G)
         rate = G @ _checked(v, "v")
         drift = self._drift(full, rate)
         soles, accels = [], []
@@ -184,7 +179,7 @@ class Dynamics:
             accel = pin.getFrameClassicalAcceleration(self._model, self._data, frame, world)
             accels.append(np.concatenate([accel.linear, accel.angular]))
         bias = G.T @ pin.rnea(self._model, self._data, full, rate, drift)
-        return Terms(G.T @ M @ G, bias, np.array(soles), np.array(accels))
+        return Terms(mass, bias, np.array(soles), np.array(accels))
 
     def spring_torque(self, q: npt.ArrayLike) -> FloatArray:
         """tau_sp(q): generalized forces of the four leaf springs. Shape (20,), in Nm.
@@ -207,13 +202,6 @@ class Dynamics:
         full = self.configuration(q)
         return np.array(pin.centerOfMass(self._model, self._data, full))
 
-    def com_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Derivative of `com` with respect to q. Shape (3, 20)."""
-        full = self.configuration(q)
-        G = self._embed(full)
-        result: FloatArray = pin.jacobianCenterOfMass(self._model, self._data, full) @ G
-        return result
-
     def sole(self, q: npt.ArrayLike, leg: str) -> tuple[FloatArray, FloatArray]:
         """Middle of a sole's centre line, and its axes: ahead, left, up. (3,) in m, (3, 3)."""
         return self._placement(q, self._tree.soles[LEGS.index(leg)])
@@ -232,6 +220,12 @@ class Dynamics:
         )
         result: FloatArray = jacobian @ G
         return result
+
+    def _mass_matrix(self, full: FloatArray, G: FloatArray) -> FloatArray:
+        upper = pin.crba(self._model, self._data, full)
+        M = np.triu(upper) + np.triu(upper, 1).T
+        mass: FloatArray = G.T @ M @ G
+        return mass
 
     def _placement(self, q: npt.ArrayLike, frame: int) -> tuple[FloatArray, FloatArray]:
         pin.framesForwardKinematics(self._model, self._data, self.configuration(q))

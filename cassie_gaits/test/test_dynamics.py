@@ -64,10 +64,6 @@ def test_bias_at_rest_is_gravity():
     np.testing.assert_allclose(DYNAMICS.bias(Q, np.zeros(20)), DYNAMICS.gravity(Q), atol=1e-10)
 
 
-def test_com_jacobian_matches_finite_differences():
-    np.testing.assert_allclose(DYNAMICS.com_jacobian(Q), gradient(DYNAMICS.com), atol=1e-8)
-
-
 @pytest.mark.parametrize("leg", LEGS)
 def test_sole_jacobian_matches_finite_differences(leg):
     jacobian = DYNAMICS.sole_jacobian(Q, leg)
