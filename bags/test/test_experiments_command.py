@@ -32,7 +32,7 @@ def files(tmp_path: Path) -> list[Path]:
 
 def test_one_page_shows_every_run_and_a_failure_is_told(files: list[Path], tmp_path: Path):
     out = tmp_path / "out"
-    process = experiments(*files, "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    process = experiments(*files, "--out", out, "--jobs", "1")
     assert process.returncode == 1, process.stderr
     assert "1 of 2 as expected" in process.stdout
     text = (out / "report.html").read_text()
@@ -60,7 +60,7 @@ def test_a_run_that_cannot_be_made_is_told_and_the_others_go_on(files: list[Path
     out = tmp_path / "out"
     out.mkdir()
     (out / "bad").write_text("in the way of a folder")
-    process = experiments(*reversed(files), "--out", out, "--jobs", "1", "--sweeps", tmp_path)
+    process = experiments(*reversed(files), "--out", out, "--jobs", "1")
     assert process.returncode == 3, process.stderr
     assert "bad, seed 0: the run did not come to its end: " in process.stderr
     assert "good, seed 0: as expected" in process.stderr
@@ -138,8 +138,6 @@ def test_pictures_of_an_earlier_run_are_not_shown(files: list[Path], tmp_path: P
     (out / "good_1").mkdir(parents=True)
     (out / "good_1" / "strip.png").write_bytes(b"of a run before")
     (out / "good_1" / "bag.mcap").mkdir()  # so that this run cannot be made
-    process = experiments(
-        files[0], "--seeds", "1", "--out", out, "--jobs", "1", "--sweeps", tmp_path
-    )
+    process = experiments(files[0], "--seeds", "1", "--out", out, "--jobs", "1")
     assert process.returncode == 3, process.stderr
     assert "<img" not in (out / "report.html").read_text()

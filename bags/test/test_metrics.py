@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic import LEG, glide, standing_height
 
-from cassie_bags.bag.recording import Recording
+from cassie_bags.bag.recording import Recording, run_time
 from cassie_bags.signals.footsteps import placements
 from cassie_bags.signals.leg_geometry import euler_angles, leg_points, to_world
 from cassie_bags.signals.metrics import Metrics, measure
@@ -63,6 +63,14 @@ def test_a_toppled_robot_has_fallen_when_it_toppled():
 
 def test_real_time_factor_is_robot_time_by_wall_time():
     assert measured(glide(4.0)).run["real_time_factor"] == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("logs", "walls", "expected"),
+    [([0, 5], [10, 20], 1e-8), ([0, 5], [0, 5], math.nan), ([], [], math.nan)],
+)
+def test_a_run_without_wall_time_in_its_bag_has_none(logs, walls, expected):
+    assert run_time(logs, walls) == pytest.approx(expected, nan_ok=True)
 
 
 def test_peak_torque_names_the_drive():

@@ -322,7 +322,7 @@ def walked_two_metres(torque: float, velocity: float) -> SimpleNamespace:
     sensors["drive_velocity"][:, 3], sensors["drive_velocity"][:, 4] = velocity, -velocity
     rows = np.rec.fromarrays(list(sensors.values()), names=list(sensors))
     position = np.outer(time, [0.5, 0.0, 0.0])
-    return SimpleNamespace(time=time, position=position, sensors=rows)
+    return SimpleNamespace(time=time, tick=0.002, position=position, sensors=rows)
 
 
 def test_cost_of_transport_is_work_by_weight_and_distance():

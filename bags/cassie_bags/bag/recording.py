@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -155,15 +156,25 @@ def read_recording(path: Path | str) -> Recording:
         BagError: if the file is not a bag, or a message is of another type than its topic's.
     """
     messages: dict[str, list[bytes]] = {topic: [] for topic in TYPES}
-    first = last = None
+    logs: list[int] = []
+    walls: list[int] = []
     index = BagIndex()
-    for topic, _, wall, data in read_messages(path, TYPES, index):
+    for topic, log_time, wall, data in read_messages(path, TYPES, index):
         messages[topic].append(data)
         if topic == Sensors.TOPIC:
-            first = wall if first is None else first
-            last = wall
-    span = (last - first) * 1e-9 if first is not None and last is not None else 0.0
-    return from_messages(messages, span, index.metadata).without_strays()
+            logs.append(log_time)
+            walls.append(wall)
+    return from_messages(messages, run_time(logs, walls), index.metadata).without_strays()
+
+
+def run_time(logs: Sequence[int], walls: Sequence[int]) -> float:
+    """Wall time of a run from its first sensor sample to its last; NaN if unknown. In s.
+
+    Args:
+        logs, walls: Robot time and wall time of each sample. In ns. A run without ROS has robot
+            time in both.
+    """
+    return (walls[-1] - walls[0]) * 1e-9 if walls and logs != walls else math.nan
 
 
 def rows_of(topic: str, messages: Sequence[bytes]) -> Rows:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +16,7 @@ from cassie_bags.bag.fields import DRIVES, JOINTS
 from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.recording import TYPES, Recording, from_messages
+from cassie_bags.bag.recording import TYPES, Recording, from_messages, run_time
 from cassie_bags.bag.rows import FloatArray, IntArray, runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
@@ -155,11 +154,9 @@ def summarize(bag: Path | str) -> Summary:
     if not messages and not index.complete:
         raise BagError(f"{bag} holds no whole message")
     wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
-    # A run without ROS has robot time in both stamps: its wall time is unknown.
-    run_time = math.nan if walls == times.get(Sensors.TOPIC) else wall
     recording = from_messages(
         {topic: list_ for topic, list_ in messages.items() if topic in TYPES},
-        run_time,
+        run_time(times.get(Sensors.TOPIC, []), walls),
         index.metadata,
     )
     flags = of_the_run(recording.lane, recording.stamped)

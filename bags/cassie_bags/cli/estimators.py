@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import sys
 
 from cassie_bags.cli.arguments import add_results, add_seed
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.estimators import run
-
-    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -29,7 +22,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-main = command(_parser, _run)
+main = command(_parser, study("estimators"))
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -63,13 +63,6 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--no-pictures", action="store_true", help="with --out: no pictures")
     parser.add_argument("--no-video", action="store_true", help="with --out: no video")
     add_jobs(parser)
-    parser.add_argument(
-        "--sweeps",
-        type=Path,
-        default=Path("build/sweeps"),
-        metavar="FOLDER",
-        help="folder of sweeps' results, which the page of several runs shows if it exists",
-    )
     return parser
 
 

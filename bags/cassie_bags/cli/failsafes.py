@@ -7,13 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, count, positive
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.failsafes.table import run
-
-    return run(arguments)
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,7 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-main = command(_parser, _run)
+main = command(_parser, study("failsafes.table"))
 
 if __name__ == "__main__":
     sys.exit(main())

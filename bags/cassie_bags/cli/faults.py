@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import sys
 
 from cassie_bags.cli.arguments import add_jobs, add_results, add_seed, one_of
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.faults import run
-
-    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -58,7 +51,7 @@ def _kind(word: str) -> str:
     return one_of(FAULT_KINDS, "kind")(word)
 
 
-main = command(_parser, _run)
+main = command(_parser, study("faults"))
 
 if __name__ == "__main__":
     sys.exit(main())

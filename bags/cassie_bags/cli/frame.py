@@ -7,10 +7,12 @@ wrong option are answered at once.
 from __future__ import annotations
 
 import argparse
+import datetime
 import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Protocol
 
@@ -71,6 +73,19 @@ class Main(Protocol):
             argv: Words after the command's name; those of this process if None.
         """
         ...
+
+
+def study(module: str) -> Callable[[argparse.Namespace], int]:
+    """The function `run` of a module of `studies`, which is imported when it runs, as that is slow.
+
+    It gets the arguments, with the time of the wall clock as `now`.
+    """
+
+    def run(arguments: argparse.Namespace) -> int:
+        arguments.now = datetime.datetime.now(datetime.timezone.utc)
+        return int(import_module(f"cassie_bags.studies.{module}").run(arguments))
+
+    return run
 
 
 def command(

@@ -7,13 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds, add_set, positive, seconds
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.learn_torques import run
-
-    return run(arguments)
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -65,7 +59,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-main = command(_parser, _run)
+main = command(_parser, study("learn_torques"))
 
 if __name__ == "__main__":
     sys.exit(main())

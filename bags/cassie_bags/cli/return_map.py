@@ -3,18 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_results, add_seed
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.return_map_run import run
-
-    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -57,7 +50,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-main = command(_parser, _run)
+main = command(_parser, study("return_map_run"))
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import sys
 
 from cassie_bags.cli.arguments import (
@@ -15,13 +14,7 @@ from cassie_bags.cli.arguments import (
     positive,
     seconds,
 )
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.sweep.measure import run
-
-    return run(arguments, datetime.datetime.now(datetime.timezone.utc))
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -98,7 +91,7 @@ def _add_comparison(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-compare", action="store_true", help="measure without a comparison")
 
 
-main = command(_parser, _run)
+main = command(_parser, study("sweep.measure"))
 
 if __name__ == "__main__":
     sys.exit(main())

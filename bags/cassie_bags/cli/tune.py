@@ -7,13 +7,7 @@ import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import add_jobs, add_out, add_set, count, in_range, positive
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
-
-
-def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.studies.tune.tune import run
-
-    return run(arguments)
+from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,7 +84,7 @@ def _population(word: str) -> int:
     return size
 
 
-main = command(_parser, _run)
+main = command(_parser, study("tune.tune"))
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -113,7 +113,6 @@ def page(
     title: str,
     entries: Sequence[Entry],
     versions: Mapping[str, str],
-    sweeps: Path | None = None,
 ) -> str:
     """The page as HTML.
 
@@ -121,7 +120,6 @@ def page(
         title: Title of the page.
         entries: Contents of the runs. Up to `MAX_SIDE_BY_SIDE` with pictures stand side by side.
         versions: Versions with which the page is made.
-        sweeps: Folder with sweeps.png and sweeps.txt to show at the end, or None.
     """
     loader = jinja2.PackageLoader("cassie_bags", "report")
     environment = jinja2.Environment(
@@ -144,7 +142,6 @@ def page(
         tracked=_TRACKED,
         units=UNITS,
         versions=versions,
-        sweeps=_sweeps(sweeps),
     )
 
 
@@ -172,16 +169,6 @@ def _prepared(entry: Entry) -> dict[str, Any]:
         # Only the files that the content names: others in the folder may be of an earlier run.
         "pictures": {n: _picture(Path(files[n]), n) if n in files else "" for n in CAPTIONS},
         "video": _data("video/mp4", Path(files["video"]).read_bytes()) if "video" in files else "",
-    }
-
-
-def _sweeps(folder: Path | None) -> dict[str, str]:
-    if folder is None or not (folder / "sweeps.txt").is_file():
-        return {"text": "", "picture": ""}
-    picture = folder / "sweeps.png"
-    return {
-        "text": (folder / "sweeps.txt").read_text(encoding="utf-8"),
-        "picture": _picture(picture, "sweeps") if picture.is_file() else "",
     }
 
 

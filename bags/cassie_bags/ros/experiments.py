@@ -275,8 +275,7 @@ def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
         for index, content in pool.results(run_task, tasks):
             entries_by_task[index] = content
             entries = [entries_by_task[key] for key in sorted(entries_by_task)]
-            sweeps = arguments.sweeps if arguments.sweeps.is_dir() else None
-            path.write_text(page("Cassie: experiments", entries, versions(), sweeps), "utf-8")
+            path.write_text(page("Cassie: experiments", entries, versions()), "utf-8")
             bar.update()
             verdict = "as expected" if content["passed"] else "; ".join(content["failures"])
             bar.write(f"{content['name']}, seed {content['seed']}: {verdict}", file=sys.stderr)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -90,12 +89,11 @@ def compare(ground: str, seed: int, show: Callable[[range], Iterable[int]]) -> I
     """
     from cassie_bags.run.cores import make_loop, tick_count  # loading the robot takes seconds
     from cassie_bags.run.simulate import Store
+    from cassie_bags.run.simulate import run as run_loop
 
     experiment, store = experiment_on(ground, seed), Store()
-    loop = make_loop(experiment, store)
-    for _ in show(range(tick_count(experiment))):
-        loop.tick()
-    recording = store.recording(0.0)
+    wall_time = run_loop(make_loop(experiment, store), show(range(tick_count(experiment))))
+    recording = store.recording(wall_time)
     for name in ESTIMATORS:
         states = replay(recording.rows(Sensors), EstimatorConfig(estimator=name))
         yield errors_of(ground, name, states, recording)
@@ -153,13 +151,8 @@ def _progress(ticks: range) -> Iterable[int]:
     return bar
 
 
-def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
-    """Compare on each ground; returns the exit code.
-
-    Args:
-        arguments: Arguments of the command line.
-        now: Time of the wall clock, which is stored with the results.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Compare on each ground; returns the exit code."""
     results: list[Errors] = []
     if arguments.results is not None:
         if arguments.grounds:
@@ -174,6 +167,6 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     print("\n".join(table(results)))
     if arguments.results is not None:
         command = f"ros2 run cassie_bags estimators --seed {arguments.seed}"
-        measured_by = origin(command, str(arguments.seed), now)
+        measured_by = origin(command, str(arguments.seed), arguments.now)
         put_table(arguments.results, SECTION, table(results), measured_by)
     return 0

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import datetime
 import functools
 import itertools
 import math
@@ -285,13 +284,8 @@ def describe(cell: Cell) -> str:
     return f"{cell.outcome}, {when}"
 
 
-def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
-    """Let each channel fail; returns the exit code.
-
-    Args:
-        arguments: Arguments of the command line.
-        now: Time of the wall clock, which is stored with the results.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Let each channel fail; returns the exit code."""
     if arguments.results is not None:
         if arguments.channels or arguments.kinds or arguments.modes:
             raise ExperimentError("--results takes all channels, kinds and modes: name none")
@@ -316,7 +310,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     unsafe = [cell for cell in cells if not cell.safe]
     if arguments.results is not None:
         command = f"ros2 run cassie_bags faults --seed {arguments.seed}"
-        measured_by = origin(command, str(arguments.seed), now)
+        measured_by = origin(command, str(arguments.seed), arguments.now)
         put_table(arguments.results, SECTION, table(cells), measured_by)
     print(f"seed {arguments.seed}: {len(cells) - len(unsafe)} of {len(cells)} safe and in time")
     return 1 if unsafe else 0

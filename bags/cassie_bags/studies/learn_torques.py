@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import datetime
 import math
 import sys
 from collections.abc import Sequence
@@ -243,7 +242,7 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers
         "begin": None if arguments.begin is None else str(arguments.begin.name),
         "versions": versions(),
     }
-    today = datetime.date.today().isoformat()
+    today = arguments.now.date().isoformat()
     origin = Provenance("cassie_bags.learn_torques", "1", today, settings)
     return LearnedTorques(learned.speeds, learned.torques, origin)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import datetime
 import math
 import sys
 from collections.abc import Sequence
@@ -48,13 +47,8 @@ STRONGEST = 10.0
 _RUNS = len(IMPULSES) * len(DELAYS) + 2  # and a run without a push, and one that shows the noise
 
 
-def run(options: argparse.Namespace, now: datetime.datetime) -> int:
-    """Push at each speed; returns the exit code.
-
-    Args:
-        options: Options of the command line.
-        now: Time of the wall clock, which is stored with the results.
-    """
+def run(options: argparse.Namespace) -> int:
+    """Push at each speed; returns the exit code."""
     if not (math.isfinite(options.impulse) and 0.1 <= options.impulse <= STRONGEST):
         raise ExperimentError(
             f"--impulse = {options.impulse:g} N s is outside 0.1 .. {STRONGEST:g}"
@@ -91,7 +85,7 @@ def run(options: argparse.Namespace, now: datetime.datetime) -> int:
     if options.results is not None:
         command = f"ros2 run cassie_bags return_map --seed {options.seed}"
         command += f" --impulse {options.impulse:g}"
-        measured_by = origin(command, str(options.seed), now)
+        measured_by = origin(command, str(options.seed), options.now)
         put_table(options.results, SECTION, [*markdown([HEADINGS]), *rows], measured_by)
     print(f"{len(speeds) - failed} of {len(speeds)} gaits end nearer to themselves than they began")
     return 1 if failed else 0

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import datetime
 import shlex
 import sys
 from collections.abc import Iterator
@@ -40,13 +39,8 @@ QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
 """Extent of the runs, by default and with --quick."""
 
 
-def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
-    """Measure rows; returns the exit code.
-
-    Args:
-        arguments: Arguments of the command line.
-        now: Time of the wall clock, which is stored with the results.
-    """
+def run(arguments: argparse.Namespace) -> int:
+    """Measure rows; returns the exit code."""
     if arguments.list:
         for row in all_rows():
             print(f"{row.name:24} {row.title}")
@@ -59,7 +53,7 @@ def run(arguments: argparse.Namespace, now: datetime.datetime) -> int:
     if arguments.results is not None:
         _check_mergeable(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), now))
+    results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), arguments.now))
     shipped = results[_variant(arguments, MEASURED)]
     return 0 if all(shipped[row.name].met for row in rows) else 1
 
