@@ -39,13 +39,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="N",
         help="number of other robots for the comparison (default 3)",
     )
-    parser.add_argument(
-        "--measured",
-        type=seconds,
-        default=8.0,
-        metavar="S",
-        help="length of the runs of the comparison, in s (default 8)",
-    )
     parser.add_argument("--speeds", type=float, nargs="+", metavar="V", help="speeds in m/s")
     parser.add_argument(
         "--begin",

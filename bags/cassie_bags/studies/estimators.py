@@ -20,6 +20,7 @@ from cassie_bags.run.seed import resolve
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
 from cassie_bags.studies.results import check_file, markdown, put_table
+from cassie_bags.studies.trial import walking_operator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState, Sensors
@@ -70,11 +71,7 @@ def experiment_on(ground: str, seed: int) -> Experiment:
         "scene_parameters": parameters,
         "start": "standing",
         "duration": END,
-        "operator": [
-            {"t": 0.0, "power": True, "mode": "stand", "height": 0.98},
-            {"t": 2.0, "mode": "walk"},
-            {"t": 4.0, "vx": speed},
-        ],
+        "operator": walking_operator(speed, 2.0),
     }
     return resolve(read_experiment(content))
 

@@ -25,6 +25,7 @@ from cassie_bags.run.provenance import origin
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_file, markdown, put_table
+from cassie_bags.studies.trial import walking_operator
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
 from cassie_msgs.experiment.file import Experiment
@@ -111,10 +112,9 @@ def quantity(channel: str) -> str:
 
 def experiment_of(mode: str, seed: int) -> Experiment:
     """Experiment of standing, or of walking at 0.5 m/s, on flat ground."""
-    operator: list[dict[str, Any]] = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}]
+    operator = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}]
     if mode == "walking":
-        operator[0]["height"] = 0.98
-        operator += [{"t": 2.2, "mode": "walk"}, {"t": 4.0, "vx": 0.5}]
+        operator = walking_operator(0.5)
     duration = FAULT_TIME[mode] + OBSERVED_TIME
     content = {"name": mode, "seed": seed, "duration": duration, "start": "standing"}
     return resolve(read_experiment({**content, "operator": operator}))

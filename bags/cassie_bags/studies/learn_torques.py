@@ -45,6 +45,9 @@ LEARNING = "controller.learned_torques=learn"
 HELD_OUT_FROM = 1001
 """First seed of the robots that are not used for learning."""
 
+COMPARED = 8.0
+"""Measured part of the runs of the comparison. In s."""
+
 FILE = path_for_library(default_library_path()).name
 
 _LENGTHS = ("stance_leg_length", "swing_leg_length")
@@ -254,7 +257,7 @@ def _compare(
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + arguments.held_out)
     changes = (*arguments.set, f"controller.learned_torques_file={file.resolve()}")
     trials = [
-        comparison(seed, speed, arguments.measured, changes)
+        comparison(seed, speed, COMPARED, changes)
         for speed in learned.speeds.tolist()
         for seed in seeds
     ]

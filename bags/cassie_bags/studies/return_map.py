@@ -23,6 +23,7 @@ from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
 from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
+from cassie_bags.studies.trial import walking_operator
 from cassie_gaits import robot
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Push
@@ -103,11 +104,7 @@ def experiment_of(speed: float, seed: int, library: Path | None, uncertified: bo
         "start": "standing",
         "gait_library": None if library is None else str(library),
         "controller": {"allow_uncertified": uncertified},
-        "operator": [
-            {"t": 0.0, "power": True, "mode": "stand", "height": 0.98},
-            {"t": 2.2, "mode": "walk"},
-            {"t": 4.0, "vx": speed},
-        ],
+        "operator": walking_operator(speed),
     }
     return resolve(read_experiment(content))
 

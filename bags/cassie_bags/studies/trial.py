@@ -39,6 +39,15 @@ class Trial:
     history: float | None = None
 
 
+def walking_operator(speed: float, begin: float = 2.2) -> list[dict[str, Any]]:
+    """Operator who asks for walking at a time (s), and from 4 s on for a speed (m/s)."""
+    return [
+        {"t": 0.0, "power": True, "mode": "stand", "height": 0.98},
+        {"t": begin, "mode": "walk"},
+        {"t": 4.0, "vx": speed},
+    ]
+
+
 def ratio_to_reference(measures: Measures, name: str = "tracking") -> float:
     """Ratio of a trial's measure to that of its reference run; NaN if a robot fell."""
     if measures["fell"] or measures["reference_fell"]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -103,33 +103,45 @@ def reached_at(speed: float) -> float:
     return COMMAND_AT + abs(speed) / _LIMITS.acceleration
 
 
-def walk(budget: Budget, seed: int, window: tuple[float, float], **commanded: Any) -> Trial:
+def walk(
+    budget: Budget,
+    seed: int,
+    window: tuple[float, float],
+    *,
+    vx: float | None = None,
+    vy: float | None = None,
+    yaw_rate: float | None = None,
+    then: Sequence[Mapping[str, Any]] = (),
+    ahead: float | None = None,
+    history: float | None = None,
+    **sections: Any,
+) -> Trial:
     """Trial of walking as commanded from `COMMAND_AT` to the end of the window.
 
     Args:
         budget: Extent of the runs.
         seed: Seed of the robot.
         window: Part to measure. In s.
-        commanded: vx, vy, yaw_rate of the operator; `then` with further steps of the operator;
-            `ahead` and `history` of the trial; other words are sections of the experiment.
+        vx, vy, yaw_rate: Commanded speeds; without any, the robot steps in place. In m/s and rad/s.
+        then: Further steps of the operator.
+        ahead, history: See `Trial`.
+        sections: Other sections of the experiment.
     """
-    ahead, history = commanded.pop("ahead", None), commanded.pop("history", None)
-    command: dict[str, float] = {
-        key: commanded.pop(key) for key in ("vx", "vy", "yaw_rate") if key in commanded
-    }
+    speeds = {"vx": vx, "vy": vy, "yaw_rate": yaw_rate}
+    command = {name: speed for name, speed in speeds.items() if speed is not None}
     operator: list[dict[str, Any]] = [
         {"t": 0.0, "power": True, "mode": "stand", "height": _LIMITS.walk_height},
         {"t": WALK_AT, "mode": "walk"},
     ]
     if command:
         operator.append({"t": COMMAND_AT, **command})
-    operator += commanded.pop("then", [])
+    operator += [dict(step) for step in then]
     content: dict[str, Any] = {
         "start": "standing",
         "duration": window[1],
         "operator": operator,
         "supervisor": opened_limits(command),
-        **commanded,
+        **sections,
     }
     return Trial(content, seed, window, ahead, budget.changes, history=history)
 

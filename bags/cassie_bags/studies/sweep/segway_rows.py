@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from cassie_bags.studies.sweep.course import Budget, Trials, mirrored, push, robots
@@ -41,7 +41,11 @@ def ride(
     seed: int,
     window: tuple[float, float],
     targets: list[dict[str, Any]],
-    **more: Any,
+    *,
+    surface: str = "sidewalk",
+    softness: float | None = None,
+    then: Sequence[Mapping[str, Any]] = (),
+    **sections: Any,
 ) -> Trial:
     """Trial: Cassie is let down onto a Segway, crouches, and rides until the end of the window.
 
@@ -50,17 +54,22 @@ def ride(
         seed: Seed of the robot, and of the rider's errors.
         window: Part to measure. In s.
         targets: Targets of the rider from `GO` on; if empty, there is no rider.
-        more: Sections of the experiment; `then` has further steps of the operator.
+        surface: Surface of the ground.
+        softness: Softness of the platform by the nominal one; None: the nominal one.
+        then: Further steps of the operator.
+        sections: Other sections of the experiment.
     """
-    scene = {"let_go": LET_GO, "surface": more.pop("surface", "sidewalk")}
+    scene: dict[str, Any] = {"let_go": LET_GO, "surface": surface}
+    if softness is not None:
+        scene["softness"] = softness
     operator: list[dict[str, Any]] = [
         {"t": 0.0, "power": True, "mode": "stand", "height": 0.65},
         {"t": 5.0, "mode": "segway"},
-        *more.pop("then", []),
+        *map(dict, then),
     ]
     content: dict[str, Any] = {
         "scene": "segway",
-        "scene_parameters": {**scene, **more.pop("scene_parameters", {})},
+        "scene_parameters": scene,
         "start": "gantry",
         "duration": window[1],
         "gantry": [
@@ -68,7 +77,7 @@ def ride(
             {"t": 1.0, "action": "lower", "height": 0.785, "speed": 0.3},
         ],
         "operator": operator,
-        **more,
+        **sections,
     }
     if targets:
         start = {"t": LET_GO + 1.0, "speed": 0.0, "heading": 0.0}
@@ -269,7 +278,7 @@ def _shaken(law: str, softness: float) -> Callable[[Budget, int, float], Trial]:
             (LET_GO + 1.0, LET_GO + 1.0 + _WATCHED),
             [{"t": GO, "speed": 0.0}],
             surface="floor",
-            scene_parameters={"softness": softness},
+            softness=softness,
             controller=section,
         )
         if law != "standing":

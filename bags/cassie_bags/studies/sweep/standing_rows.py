@@ -33,7 +33,16 @@ _NEAR = 0.015  # m, largest error of a reached height
 _LATE = {"torque": 0.002, "set_point": 0.015}
 
 
-def stand(budget: Budget, seed: int, end: float, seconds: float = 3.0, **words: Any) -> Trial:
+def stand(
+    budget: Budget,
+    seed: int,
+    end: float,
+    seconds: float = 3.0,
+    *,
+    height: float = HEIGHT,
+    then: Sequence[Mapping[str, Any]] = (),
+    **sections: Any,
+) -> Trial:
     """Trial of one robot that is let down from the gantry and measured at the end.
 
     Args:
@@ -41,15 +50,16 @@ def stand(budget: Budget, seed: int, end: float, seconds: float = 3.0, **words: 
         seed: Seed of the robot.
         end: End of the run. In s.
         seconds: Length of the measured part at the end. In s.
-        words: Sections of the experiment; `height` of the pelvis, `then` steps of the operator.
+        height: Pelvis height. In m.
+        then: Further steps of the operator.
+        sections: Other sections of the experiment.
     """
-    height, then = words.pop("height", HEIGHT), words.pop("then", [])
     content = {
         "start": "gantry",
         "gantry": [_LET_DOWN],
         "duration": end,
         "operator": [{"t": 0.0, "power": True, "mode": "stand", "height": height}, *then],
-        **words,
+        **sections,
     }
     return Trial(content, seed, (end - seconds, end), None, budget.changes)
 

@@ -105,9 +105,10 @@ class Objective:
             angle = drawn if course.push.angle_deg is None else course.push.angle_deg
             at = begin + 1.0 + float(rng.uniform(0.0, 2.0 * step_time(course.vx)))
             sections["pushes"] = [push(at, course.push.impulse, angle)]
-        commanded = {"vx": course.vx, "vy": course.vy, "yaw_rate": course.yaw_rate}
         window = (begin, begin + course.seconds)
-        return walk(Budget(changes=words), seed, window, **commanded, **sections)
+        budget = Budget(changes=words)
+        vx, vy, yaw_rate = course.vx, course.vy, course.yaw_rate
+        return walk(budget, seed, window, vx=vx, vy=vy, yaw_rate=yaw_rate, **sections)
 
     def cost_of(self, trial: Trial, measures: Measures) -> float:
         """Cost of one run in points; an earlier fall costs more."""
