@@ -316,7 +316,7 @@ def robot_is_up(eyes: Eyes) -> bool:
 def test_the_status_lines_fit_80_columns(domain: int) -> None:
     deadline = time.monotonic() + TIMEOUT
     with Screen(executable("cassie_teleop", "keyboard_teleop"), domain) as screen:
-        while "no word from the supervisor" not in screen.look():
+        while "no status from the supervisor" not in screen.look():
             assert time.monotonic() < deadline
             time.sleep(0.05)
         screen.type("§")

@@ -8,7 +8,7 @@ import pytest
 
 from cassie_bags.cli.failsafes import main
 from cassie_bags.studies.failsafes import table
-from cassie_bags.studies.failsafes.people import UnsafeError
+from cassie_bags.studies.failsafes.participants import UnsafeError
 from cassie_bags.studies.failsafes.rows import ON_FOOT, ROWS
 from cassie_bags.studies.failsafes.table import Case, cases, run_case, with_table
 

@@ -13,6 +13,9 @@ from concurrent.futures.process import BrokenProcessPool
 from cassie_gaits.errors import GaitLibraryError
 from cassie_msgs.processes import end_with_parent
 
+DIED = "a worker process died, perhaps for lack of memory"
+"""Error message for a worker that ended by itself."""
+
 
 def available_cores() -> int:
     """Cores that this process may use."""
@@ -40,15 +43,18 @@ def local_processes(count: int) -> Iterator[Executor]:
         for process in list((pool._processes or {}).values()):
             process.terminate()
         if isinstance(error, BrokenProcessPool):
-            reason = "a worker process died, perhaps for want of memory"
-            raise GaitLibraryError(reason) from None
+            raise GaitLibraryError(DIED) from None
         raise
     finally:
         pool.shutdown(cancel_futures=True)
 
 
-def _begin_worker() -> None:
-    """Let a worker ignore Ctrl-C, as its parent ends it, and end when its parent is killed."""
+def obey_parent() -> None:
+    """Let a worker ignore Ctrl-C, which its parent handles, and end when the parent ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _begin_worker() -> None:
+    obey_parent()
     end_with_parent()

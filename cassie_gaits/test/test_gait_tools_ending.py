@@ -142,7 +142,7 @@ def dies(*_):
 
 
 def test_a_process_that_dies_is_one_clear_error(capsys, tmp_path, monkeypatch):
-    reason = "error: a worker process died, perhaps for want of memory\n"
+    reason = "error: a worker process died, perhaps for lack of memory\n"
     monkeypatch.setattr(check_gaits, "certify", dies)
     assert check_gaits.main([str(OPTIMIZED)]) == 2
     assert capsys.readouterr().err == f"check_gaits: {reason}"

@@ -148,9 +148,13 @@ class Motion:
 def status_lines(
     request: Request | None, status: Status | None, motion: Motion, width: int
 ) -> list[str]:
-    """Lines of at most `width` characters: state of the robot, speeds, faults.
+    """Lines for the terminal: state of the robot, speeds, faults.
 
-    Below a width of `_NARROWEST` the lines are longer.
+    Args:
+        request: The request of the keys; None before a power key was pressed.
+        status: Status of the supervisor; None before the first one.
+        motion: Speeds after the supervisor's limits, and achieved ones.
+        width: Longest line, but at least `_NARROWEST`. In characters.
     """
     lines = [_robot(status)]
     if status is not None and (word := _unheard(request, status)):
@@ -175,7 +179,7 @@ def wrapped(line: str, width: int) -> list[str]:
 
 def _robot(status: Status | None) -> str:
     if status is None:
-        return "no word from the supervisor: is the robot started?"
+        return "no status from the supervisor: is the robot running?"
     age = f" ({status.age:.1f} s ago)" if status.age > 0.5 else ""
     waits = f", not yet as asked: {status.readiness}" if status.readiness else ""
     return f"{status.mode}{age}{waits}"

@@ -124,7 +124,13 @@ def _sound(value: float) -> bool:
 
 
 def mapped(axis_map: AxisMap, value: float, turbo: bool = False) -> float:
-    """Set-point of an axis; continuous at the edge of the dead band, full at 1."""
+    """Set-point of an axis; continuous at the edge of the dead band, full at 1.
+
+    Args:
+        axis_map: Meaning of the axis.
+        value: Value of the axis, -1 .. 1.
+        turbo: Whether the turbo button is held.
+    """
     band = axis_map.dead_band
     if turbo and axis_map.scale_turbo and axis_map.scale:
         ratio = axis_map.scale_turbo / axis_map.scale

@@ -171,7 +171,7 @@ def test_nothing_sounds_wrong_before_anything_is():
     lines = status_lines(None, Status("off", "", [], 0.1), Motion(), 80)
     assert lines[0] == "off" and "fault" not in "".join(lines)
     assert "press p" in lines[2]
-    assert "no word from the supervisor" in status_lines(None, None, Motion(), 80)[0]
+    assert "no status from the supervisor" in status_lines(None, None, Motion(), 80)[0]
 
 
 def test_tilt_and_lean_are_shown_when_there_are_some():

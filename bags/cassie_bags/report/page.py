@@ -70,7 +70,14 @@ def run_entry(outcome: RunResult, view: View | None, versions: Mapping[str, str]
 def drive_entry(
     view: View, metrics: Metrics, files: Mapping[str, str], versions: Mapping[str, str]
 ) -> Entry:
-    """Content of the page about a recorded drive, which has no expectations."""
+    """Content of the page about a recorded drive, which has no expectations.
+
+    Args:
+        view: Content of its pictures.
+        metrics: Metrics of the drive.
+        files: Pictures by name.
+        versions: Versions with which the drive was recorded.
+    """
     content: Entry = finite(
         {
             "name": view.title,

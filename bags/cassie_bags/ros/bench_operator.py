@@ -256,7 +256,7 @@ async def _until(condition: Callable[[], Any], what: str) -> Any:
         if result := condition():
             return result
         await asyncio.sleep(_CHECK_PERIOD)
-    raise RunError(f"bench waits for {what} in vain: {TIMEOUT:g} s")
+    raise RunError(f"bench waited {TIMEOUT:g} s for {what}")
 
 
 def _missed(page: _Page) -> int:

@@ -197,6 +197,11 @@ def _await_nodes(processes: Processes, *, optimizer: bool) -> None:
 def watch(experiment: Experiment, processes: Processes, simulator: SimulatorClient) -> None:
     """Wait for the simulator to end, with a progress bar on a terminal.
 
+    Args:
+        experiment: Experiment that runs.
+        processes: Processes of the run.
+        simulator: Client that reads robot time.
+
     Raises:
         RunError: if a node ends earlier, or robot time stands still.
     """

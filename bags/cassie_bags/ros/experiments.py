@@ -178,6 +178,12 @@ def write_results(
 ) -> tuple[RunResult, Entry]:
     """Write table, JSON, pictures and page beside the bag.
 
+    Args:
+        outcome: Result of the run.
+        folder: Folder of the bag.
+        pictures: Whether to draw pictures and a page.
+        film: Whether to make a video, too.
+
     Returns:
         The result with the names of these files, and the content of a page about it.
     """

@@ -167,7 +167,7 @@ class Processes:
                 continue
             if code < 0:
                 raise RunError(f"{name} was ended by {signal.Signals(-code).name}")
-            raise RunError(f"{name} ended with exit code {code}: {self._last_words(name)}")
+            raise RunError(f"{name} ended with exit code {code}: {self._last_line(name)}")
 
     def stop(self, *names: str) -> None:
         """End processes with Ctrl-C; those that do not end in time are terminated, then killed.
@@ -194,7 +194,7 @@ class Processes:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def _last_words(self, name: str) -> str:
+    def _last_line(self, name: str) -> str:
         lines = self.log(name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return lines[-1] if lines else "it printed nothing"
 

@@ -74,7 +74,13 @@ def write_resolved(experiment: Experiment, path: Path) -> None:
 
 
 def delayed(times: Sequence[float], max_delay: float, rng: np.random.Generator) -> list[float]:
-    """Delay each time by up to `max_delay` (uniform) and keep the order; 0 stays 0. In s."""
+    """Delayed times in the same order; a time of 0 stays 0. In s.
+
+    Args:
+        times: Written times, ascending. In s.
+        max_delay: Largest delay, which is uniformly distributed. In s.
+        rng: Random generator.
+    """
     result: list[float] = []
     for time, delay in zip(times, rng.uniform(0.0, max_delay, len(times)).tolist(), strict=True):
         later = time if time == 0.0 else time + delay

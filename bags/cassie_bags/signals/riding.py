@@ -80,7 +80,15 @@ def gate_miss(recording: Recording, rider: RiderScript | None) -> float:
 def misses(
     recording: Recording, script: RiderScript, target: Target, gates: Gates, end: float
 ) -> list[float]:
-    """Distance of a Segway from the middle of each gate of a course until `end` (s). In m."""
+    """Distance of a Segway from the middle of each gate of a course. In m; infinite if not reached.
+
+    Args:
+        recording: Recording of the run.
+        script: Section `rider` of the experiment.
+        target: Target of the rider with the gates.
+        gates: The gates.
+        end: End of the course. In s.
+    """
     start, line = _start(recording.truth, script, target.t)
     rows = recording.segway
     rows = rows[(stamps(rows) >= target.t) & (stamps(rows) < end)]

@@ -10,7 +10,8 @@ from multiprocessing.process import BaseProcess
 from typing import Any, TypeVar, cast
 
 from cassie_bags.errors import RunError
-from cassie_bags.studies.workers import DIED, children_without_ctrl_c, obey_parent
+from cassie_bags.studies.workers import children_without_ctrl_c
+from cassie_gaits.processes import DIED, obey_parent
 from cassie_msgs.processes import end_with_parent
 
 Item = TypeVar("Item")

@@ -118,7 +118,13 @@ def replay(sensors: Rows, config: EstimatorConfig) -> Rows:
 
 
 def errors_of(ground: str, name: str, states: Rows, recording: Recording) -> Errors:
-    """Errors of states, compared with the truth of the same ticks, from `START` on."""
+    """Errors of states, compared with the truth of the same ticks, from `START` on.
+
+    Args:
+        ground, name: Names of the ground and of the estimator.
+        states: Rows of `RobotState`.
+        recording: Recording of the run.
+    """
     inside = stamps(states) >= START
     truth, rows = recording.truth[inside], states[inside]
     world = np.einsum("nij,nj->ni", rotation_matrices(truth["orientation"]), truth["linear"])

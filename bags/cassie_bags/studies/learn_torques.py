@@ -115,7 +115,14 @@ def learn(run: LearningRun) -> LearningResult:
 def learning_runs(
     learned: LearnedTorques, seeds: Sequence[int], seconds: float, changes: tuple[str, ...]
 ) -> list[LearningRun]:
-    """Learning runs, one for each robot at each speed of the table."""
+    """Learning runs, one for each robot at each speed of the table.
+
+    Args:
+        learned: Torques learned before.
+        seeds: Seeds of the robots.
+        seconds: Time of learning. In s.
+        changes: `key=value` words for each run.
+    """
     speeds = learned.speeds.tolist()
     return [
         LearningRun(seed, speed, learned, seconds, changes) for speed in speeds for seed in seeds

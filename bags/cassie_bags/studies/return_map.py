@@ -96,7 +96,14 @@ class Measurement:
 
 
 def experiment_of(speed: float, seed: int, library: Path | None, uncertified: bool) -> Experiment:
-    """Experiment of walking at a constant speed on flat ground, without pushes."""
+    """Experiment of walking at a constant speed on flat ground, without pushes.
+
+    Args:
+        speed: Commanded speed. In m/s.
+        seed: Seed of the robot.
+        library: Gait library; None for the package's.
+        uncertified: Whether gaits without a valid certificate are accepted.
+    """
     content = {
         "name": f"return map at {speed:g} m/s",
         "seed": seed,

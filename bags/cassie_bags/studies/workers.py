@@ -22,15 +22,13 @@ from typing import Any, Protocol, TypeVar
 from tqdm import tqdm
 
 from cassie_bags.errors import RunError
-from cassie_gaits.processes import available_cores
+from cassie_gaits.processes import DIED, available_cores, obey_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 CONNECT_TIMEOUT = 10
 """Time-out of a scheduler's answer. In s of wall time."""
-
-DIED = "a worker process died, perhaps for want of memory"
 
 _NICENESS = 5
 
@@ -251,12 +249,6 @@ def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:
     while pending:
         done, pending = wait(pending, 0.5, FIRST_COMPLETED)
         yield from done
-
-
-def obey_parent() -> None:
-    """Let a worker ignore Ctrl-C, which its parent handles, and end when the parent ends it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 @contextmanager

@@ -59,7 +59,13 @@ class NodeEvents:
         self.publish(sample, "parameters", changes)
 
     def publish(self, sample: Sample, event: str, content: Any) -> None:
-        """Publish an event that is valid from the tick of a sample on."""
+        """Publish an event that is valid from the tick of a sample on.
+
+        Args:
+            sample: The sample.
+            event: Kind of event, see NodeEvent.msg.
+            content: Content, which is published as JSON.
+        """
         sec, nanosec = divmod(sample.stamp_ns, 1_000_000_000)
         message = NodeEvent(
             stamp=Time(sec=sec, nanosec=nanosec),

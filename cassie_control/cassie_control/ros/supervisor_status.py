@@ -40,7 +40,15 @@ class StatusTopic:
         operator: OperatorSource,
         faults: tuple[str, ...],
     ) -> None:
-        """Publish if it is due, or if anything but a number in a reason has changed."""
+        """Publish if it is due, or if anything but a number in a reason has changed.
+
+        Args:
+            seq: Control tick of the state.
+            status: Status of the supervisor.
+            state: State that the supervisor has answered.
+            operator: Source of the operator's command.
+            faults: Faults of other nodes and of the operator, in words.
+        """
         now = (
             *(status.mode, status.requested, status.faults, status.fallen, status.link, faults),
             *(operator.holder, operator.armed),
@@ -62,7 +70,7 @@ class StatusTopic:
         operator: OperatorSource,
         faults: tuple[str, ...],
     ) -> None:
-        """Publish now."""
+        """Publish now; arguments as of `follow`."""
         message = SupervisorStatusMessage(
             mode=status.mode.name.lower(),
             requested=status.requested.name.lower(),

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cassie_bags.studies.failsafes.people import (
+from cassie_bags.studies.failsafes.participants import (
     CONTROLLER,
     ESTIMATOR,
     SUPERVISOR,

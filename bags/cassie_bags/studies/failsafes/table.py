@@ -17,7 +17,7 @@ from tqdm import tqdm
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
-from cassie_bags.studies.failsafes.people import UnsafeError
+from cassie_bags.studies.failsafes.participants import UnsafeError
 from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, FailSafe
 from cassie_bags.studies.results import markdown
 from cassie_bags.studies.workers import workers

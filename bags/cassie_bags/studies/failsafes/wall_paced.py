@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from cassie_bags.run.cores import Cores, make_cores
-from cassie_bags.studies.failsafes.people import (
+from cassie_bags.studies.failsafes.participants import (
     CONTROLLER,
     ESTIMATOR,
     SUPERVISOR,
@@ -69,7 +69,7 @@ class WallPaced:
         self._supervisor = GuardedSupervisor(cores.supervisor)
         self._in_force = ModeInForce(self.period)
         self._state = RobotState()
-        self._spoken = 0  # tick of the controller's last command
+        self._commanded = 0  # tick of the controller's last command
         self._missed = 0
         self.fallen = False
 
@@ -118,7 +118,7 @@ class WallPaced:
         elif node == CONTROLLER:
             self._controller = GuardedController(cores.controller)
             self._in_force = ModeInForce(self.period)
-            self._spoken = self.plant.seq
+            self._commanded = self.plant.seq
         else:
             self._supervisor = GuardedSupervisor(cores.supervisor)
             self._operators = Operators()
@@ -157,7 +157,7 @@ class WallPaced:
             command = self._controller.step(self._state, self._in_force.at(seq))
             if self.drops is not None and self.drops():
                 command = None
-            self._spoken = seq
+            self._commanded = seq
         self._missed += command is None
         plant.power(self._switch.apply(seq))
         plant.step(command)
@@ -177,7 +177,7 @@ class WallPaced:
     def _supervise(self) -> None:
         self._operators.follow(int(self._state.operator_lease))
         held = self._operators.command(self.now)
-        silence = (self.plant.seq - self._spoken) * self.period
+        silence = (self.plant.seq - self._commanded) * self.period
         mode = self._supervisor.step(self._state, held, silence > ANSWER_AFTER)
         self._in_force.table.add(mode)
         copy = Mode()

@@ -147,7 +147,14 @@ def walk(
 
 
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
-    """Trial of walking at a speed with learned torques and, as second run, without."""
+    """Trial of walking at a speed with learned torques and, as second run, without.
+
+    Args:
+        seed: Seed of the robot.
+        speed: Commanded speed. In m/s.
+        seconds: Measured time. In s.
+        changes: `key=value` words for both runs.
+    """
     window = steady(Budget(), speed, seconds)
     learned = {"learned_torques": "use"}
     trial = walk(Budget(changes=changes), seed, window, vx=speed, controller=learned)
@@ -167,7 +174,13 @@ def opened_limits(command: Mapping[str, float]) -> dict[str, float]:
 
 
 def steady(budget: Budget, speed: float, seconds: float | None = None) -> tuple[float, float]:
-    """The window in which a commanded speed is measured. In s."""
+    """The window in which a commanded speed is measured. In s.
+
+    Args:
+        budget: Extent of the runs.
+        speed: Commanded speed. In m/s.
+        seconds: Length of the window; None for that of the budget. In s.
+    """
     start = reached_at(speed) + SETTLING
     return start, start + (budget.seconds if seconds is None else seconds)
 

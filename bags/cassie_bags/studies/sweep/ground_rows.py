@@ -65,7 +65,13 @@ def crossing(
 
 
 def got_across(measures: Measures, distance: float = DISTANCE, speed: float = SPEED) -> bool:
-    """Whether a robot walked the whole distance, at less than about twice the commanded speed."""
+    """Whether a robot walked the whole distance, at less than about twice the commanded speed.
+
+    Args:
+        measures: Measures of the trial.
+        distance: Distance beyond the level part. In m.
+        speed: Commanded speed. In m/s.
+    """
     ahead = LEVEL_PART + distance
     return measures["ahead"] >= ahead and measures["end"] > COMMAND_AT + ahead / speed / TIME_FACTOR
 
@@ -132,7 +138,12 @@ def ground_rows() -> list[Row]:
 def slope(
     name: str, title: str, target: float, levels: Sequence[float], parameters: Parameters
 ) -> Row:
-    """A row of slopes."""
+    """A row of slopes, with the angle as level.
+
+    Args:
+        name, title, target, levels: See `Row`. In deg.
+        parameters: Parameters of the scene.
+    """
     title = f"{title} at {SPEED:g} m/s over {DISTANCE:g} m"
     return crossed(name, title, "deg", target, levels, "slope", parameters)
 

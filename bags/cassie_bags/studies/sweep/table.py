@@ -109,6 +109,12 @@ def reached(result: RowResult) -> tuple[str, str]:
 def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> None:
     """Write the results as JSON, with versions and budget.
 
+    Args:
+        path: JSON file.
+        rows: All rows; those without a result are left out.
+        results: Results by variant and row.
+        budget: Extent of the runs.
+
     Raises:
         OSError: if the file cannot be written.
     """
@@ -179,6 +185,11 @@ def read_rows(path: Path) -> list[StoredRow]:
 
 def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
     """Results of `rows` that `save` stored, by variant and row; empty without a file.
+
+    Args:
+        path: JSON file.
+        rows: Known rows; results of others are left out.
+        budget: Extent of the runs, which must be that of the file.
 
     Raises:
         ExperimentError: if the file has other content, or results of another budget.

@@ -87,7 +87,12 @@ def _speed(speed: float) -> Row:
 
 
 def top_speed(name: str, title: str, sign: float, levels: list[float], target: float) -> Row:
-    """A row of speeds that the robot holds, forward (sign 1) or backward (-1)."""
+    """A row of speeds that the robot holds.
+
+    Args:
+        name, title, levels, target: See `Row`; levels and target are positive. In m/s.
+        sign: 1 for forward, -1 for backward.
+    """
 
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         return walk(budget, seed, steady(budget, sign * level, HELD), vx=sign * level)

@@ -82,7 +82,13 @@ class Objective:
     def trials(
         self, values: Mapping[str, float], seeds: Sequence[int], changes: Sequence[str]
     ) -> list[Trial]:
-        """Trials of every course by every robot, with controller parameters by dotted name."""
+        """Trials of every course by every robot.
+
+        Args:
+            values: Parameters of the controller by dotted name.
+            seeds: Seeds of the robots.
+            changes: Further `key=value` words for each run.
+        """
         words = (*changes, *(f"controller.{name}={value!r}" for name, value in values.items()))
         return [
             self._trial(index, seed, words) for index in range(len(self.courses)) for seed in seeds

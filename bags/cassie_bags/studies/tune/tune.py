@@ -155,7 +155,15 @@ def score(
     pool: Workers,
     bar: tqdm,
 ) -> list[Score]:
-    """Score candidates on all courses by the robots of some seeds, with all runs in parallel."""
+    """Score candidates on all courses, with all runs in parallel.
+
+    Args:
+        task: Searched parameters and their objective.
+        candidates: Coordinates of each candidate. Shape (size,).
+        seeds: Seeds of the robots.
+        pool: Workers that compute the runs.
+        bar: Progress bar, which advances with each run.
+    """
     from cassie_bags.studies.run_trial import run_trial
 
     trials, owners = [], []
