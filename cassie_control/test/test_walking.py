@@ -221,7 +221,7 @@ def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
         assert core.timing.steps == 0
     core.timing.phase = 1.0
     core.step(readings_of(swinging(RIGHT)), mode, command)
-    expected = library.interpolate(core.gait_speed, None, -0.1, 0.3)[0][LENGTH_ST, 5]
+    expected = library.interpolate(core.gait_speed, -0.1, 0.3)[0][LENGTH_ST, 5]
     assert core.plan.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
 
 

@@ -204,32 +204,29 @@ class GaitLibrary:
         return self._grid.axes[0][0], self._grid.axes[0][-1]
 
     def interpolate(
-        self, speed: float, out: FloatArray | None = None, vy: float = 0.0, yaw_rate: float = 0.0
+        self, speed: float, vy: float = 0.0, yaw_rate: float = 0.0
     ) -> tuple[FloatArray, FloatArray, float]:
         """Gait at a speed. Each speed is clamped to its range in the library.
 
         Args:
             speed: Filtered sagittal speed. In m/s.
-            out: Array for the coefficients, to save an allocation. Shape (2, 9, 6).
             vy: Speed to the left. In m/s.
             yaw_rate: Turning rate to the left. In rad/s.
 
         Returns:
             Coefficients for right stance and for left stance, each of shape (9, 6) in rad and
-            m, and the step time in s. The arrays are views of `out` if that is given.
+            m, and the step time in s.
 
         Raises:
             GaitLibraryError: if a number is not finite.
         """
-        if out is None:
-            out = np.empty((2, len(OUTPUTS), COEFFICIENTS))
         if not math.isfinite(speed + vy + yaw_rate):
             raise GaitLibraryError(
                 f"gait speed is {speed}, {vy} m/s, {yaw_rate} rad/s, expected finite numbers"
             )
         self._grid.read(float(speed), float(vy), float(yaw_rate), self._row)
-        out[:] = self._row[:-1].reshape(out.shape)
-        return out[0], out[1], 1.0 / float(self._row[-1])
+        right, left = self._row[:-1].reshape(2, len(OUTPUTS), COEFFICIENTS).copy()
+        return right, left, 1.0 / float(self._row[-1])
 
 
 _STEP_SHAPE = (len(OUTPUTS), COEFFICIENTS)

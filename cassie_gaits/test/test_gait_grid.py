@@ -28,7 +28,7 @@ FULL = library()
 
 
 def read(from_library, vx, vy, yaw_rate):
-    return np.array(from_library.interpolate(vx, None, vy, yaw_rate)[:2])
+    return np.array(from_library.interpolate(vx, vy, yaw_rate)[:2])
 
 
 def test_every_gait_comes_back_at_its_own_speeds():
@@ -49,9 +49,7 @@ def test_outside_it_is_the_nearest_point_of_the_grid():
 
 
 def test_speeds_to_the_side_and_turning_may_be_left_out():
-    np.testing.assert_array_equal(
-        FULL.interpolate(0.3)[0], FULL.interpolate(0.3, None, 0.0, 0.0)[0]
-    )
+    np.testing.assert_array_equal(FULL.interpolate(0.3)[0], FULL.interpolate(0.3, 0.0, 0.0)[0])
 
 
 def test_a_hole_takes_the_gait_beside_it_nearer_to_rest():
@@ -78,4 +76,4 @@ def test_around_a_hole_it_stays_continuous_and_between_given_gaits():
 
 def test_a_number_that_is_not_finite_is_refused():
     with pytest.raises(GaitLibraryError, match="finite"):
-        FULL.interpolate(0.0, None, float("nan"))
+        FULL.interpolate(0.0, float("nan"))

@@ -50,10 +50,8 @@ def test_speed_outside_the_range_is_clamped(speed, entry):
     assert step_time == entry.step_time
 
 
-def test_result_is_written_where_asked_and_else_belongs_to_the_caller():
-    out = np.zeros((2, 9, 6))
-    right, left, _ = LIBRARY.interpolate(0.3, out)
-    assert np.shares_memory(right, out) and np.shares_memory(left, out)
+def test_result_belongs_to_the_caller():
+    right, _, _ = LIBRARY.interpolate(0.3)
     again, _, _ = LIBRARY.interpolate(0.3)
     again[:] = 0.0
     np.testing.assert_array_equal(LIBRARY.interpolate(0.3)[0], right)

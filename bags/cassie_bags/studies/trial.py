@@ -48,8 +48,8 @@ def walking_operator(speed: float, begin: float = 2.2) -> list[dict[str, Any]]:
     ]
 
 
-def ratio_to_reference(measures: Measures, name: str = "tracking") -> float:
-    """Ratio of a trial's measure to that of its reference run; NaN if a robot fell."""
+def ratio_to_reference(measures: Measures) -> float:
+    """Ratio of a trial's tracking error to that of its reference run; NaN if a robot fell."""
     if measures["fell"] or measures["reference_fell"]:
         return math.nan
-    return measures[name] / measures[f"reference_{name}"]
+    return measures["tracking"] / measures["reference_tracking"]
