@@ -15,8 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from std_msgs.msg import String
 
-from cassie_control.ros.transforms import FIXED_FRAMES, MOVING_FRAMES
-from cassie_gaits.link_frames import BASE_FRAME, ODOM_FRAME
+from cassie_gaits.link_frames import BASE_FRAME, FIXED_FRAMES, MOVING_FRAMES, ODOM_FRAME
 from cassie_msgs.msg import Mode, RobotState, SupervisorStatus
 
 TYPES = {

@@ -12,7 +12,8 @@ from closed_loop import PERIOD, Robot
 from rclpy.serialization import deserialize_message
 from tf2_msgs.msg import TFMessage
 
-from cassie_control.ros.transforms import RATE, Transforms
+from cassie_control.frame_messages import RATE
+from cassie_control.ros.transforms import Transforms
 from cassie_gaits.gait_library_file import default_library_path, load_library
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotMode
