@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import datetime
 import os
-import signal
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from cassie_bags.errors import BagError, RunError
-from cassie_msgs.processes import STOPPED, interrupt
+from cassie_msgs.processes import STOPPED, run_command
 
 OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN = 0, 1, 2, 3
 """Exit codes."""
@@ -101,26 +100,16 @@ def command(
     def main(argv: Sequence[str] | None = None) -> int:
         options = parser()
         arguments = options.parse_args(argv)
-        before = signal.signal(signal.SIGTERM, interrupt)
         try:
-            code = run(arguments)
-            if sys.stdout is not None:  # None if stdout is closed
-                sys.stdout.flush()
-            return code
-        except KeyboardInterrupt:
-            print(f"{options.prog}: stopped", file=sys.stderr)
-            return STOPPED
-        except BrokenPipeError:  # the reader of our output has ended, such as `head`
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return OK
+            return run_command(
+                options.prog, lambda: run(arguments), stopped="stopped", no_reader=OK
+            )
         except RunError as error:
             print(f"{options.prog}: error: {error}", file=sys.stderr)
             return NO_RUN
         except (ValueError, OSError) as error:
             print(f"{options.prog}: error: {' '.join(str(error).split())}", file=sys.stderr)
             return WRONG_INPUT
-        finally:
-            signal.signal(signal.SIGTERM, before)
 
     return main
 

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 import signal
 import sys
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from cassie_gaits.errors import CassieError
-from cassie_msgs.processes import STOPPED, interrupt
+from cassie_msgs.processes import run_command
 
 WRONG_INPUT = 2
 NO_READER = 128 + signal.SIGPIPE
@@ -49,22 +48,10 @@ def tool(
         if "--ros-args" in given:
             given = given[: given.index("--ros-args")]
         options = parser().parse_args(given)
-        before = signal.signal(signal.SIGTERM, interrupt)
         try:
-            status = run(options)
-            if sys.stdout is not None:  # None if stdout is closed
-                sys.stdout.flush()
-            return status
-        except KeyboardInterrupt:
-            print(f"{name}: {stopped}", file=sys.stderr)
-            return STOPPED
-        except BrokenPipeError:  # the reader of the output has ended, such as `head`
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return NO_READER
+            return run_command(name, lambda: run(options), stopped=stopped, no_reader=NO_READER)
         except (CassieError, OSError) as error:
             print(f"{name}: error: {error}", file=sys.stderr)
             return WRONG_INPUT
-        finally:
-            signal.signal(signal.SIGTERM, before)
 
     return main

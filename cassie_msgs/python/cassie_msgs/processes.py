@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import os
 import signal
+import sys
 import time
 from collections.abc import Callable
 from importlib import import_module
@@ -79,6 +80,31 @@ def interrupt(number: int, frame: FrameType | None) -> None:
             return
         frame = frame.f_back
     raise KeyboardInterrupt
+
+
+def run_command(name: str, run: Callable[[], int], *, stopped: str, no_reader: int) -> int:
+    """Run a command, and flush its output; SIGTERM ends it as Ctrl-C does.
+
+    Args:
+        name: Name of the command, for its message.
+        run: Returns the exit status.
+        stopped: Message after Ctrl-C, on stderr; the status then is `STOPPED`.
+        no_reader: Status where the reader of the output has ended, such as `head`.
+    """
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        status = run()
+        if sys.stdout is not None:  # None if stdout is closed
+            sys.stdout.flush()
+        return status
+    except KeyboardInterrupt:
+        print(f"{name}: {stopped}", file=sys.stderr)
+        return STOPPED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return no_reader
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def end_with_parent() -> None:
