@@ -22,6 +22,9 @@ from cassie_sim.robot_mjcf import BODY_COLOUR, COLOURED, SHAPE_COLOUR
 Shape = tuple[dict[str, str], str, dict[str, str]]
 """Origin, and tag and attributes of a geometry."""
 
+INSTALLED_MESHES = "package://cassie_sim/meshes"
+"""URI of the folder into which the build copies the meshes, if it finds them."""
+
 _COLOURS = {"body": BODY_COLOUR, "parts": SHAPE_COLOUR}
 _IMU_SIZE = (0.036, 0.033, 0.009)  # size of the VN-100, in m
 _SPOT_RADIUS = 0.03

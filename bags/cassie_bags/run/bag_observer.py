@@ -17,9 +17,8 @@ from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import RobotState
 from cassie_msgs.standard_messages import TransformWriter, text_message
 from cassie_sim.robot_mjcf import mesh_folder
-from cassie_sim.robot_urdf import robot_urdf
+from cassie_sim.robot_urdf import INSTALLED_MESHES, robot_urdf
 
-_MESHES = "package://cassie_sim/meshes"
 _LATCHED = Qos(durability="transient_local", depth=1)
 
 
@@ -69,7 +68,7 @@ class _ShownRobot:
         self._bag, self._state = bag, RobotState()
         self._frames = FrameMessages(simulator_config(experiment).control_rate)
         text, transforms = "std_msgs/msg/String", TransformWriter.TYPE
-        description = text_message(robot_urdf(_MESHES if mesh_folder() else None))
+        description = text_message(robot_urdf(INSTALLED_MESHES if mesh_folder() else None))
         self._latched = {
             bag.add_topic("/robot_description", text, _LATCHED): description,
             bag.add_topic("/tf_static", transforms, _LATCHED): fixed_frames(),

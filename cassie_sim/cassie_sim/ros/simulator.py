@@ -21,7 +21,7 @@ from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
 from cassie_sim.loop import SimulationLoop
 from cassie_sim.plant import Plant
-from cassie_sim.robot_urdf import robot_urdf
+from cassie_sim.robot_urdf import INSTALLED_MESHES, robot_urdf
 from cassie_sim.ros.lane import SimulatorLane
 from cassie_sim.ros.services import Services
 from cassie_sim.simulator_config import SimulatorConfig, scenario_of
@@ -146,7 +146,7 @@ def _installed_meshes() -> str | None:
         folder = Path(get_package_share_directory("cassie_sim"), "meshes")
     except PackageNotFoundError:
         return None
-    return "package://cassie_sim/meshes" if folder.is_dir() else None
+    return INSTALLED_MESHES if folder.is_dir() else None
 
 
 ABOUT = About(
