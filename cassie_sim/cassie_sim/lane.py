@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Protocol
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
@@ -34,6 +35,15 @@ class Lane(Protocol):
 
     def wait(self, timeout: float) -> None:
         """Return when a message arrives or the loop is woken, after `timeout` s at the latest."""
+
+    def take(self) -> None:
+        """Take in the messages that have come."""
+
+    def served(self, answer: Callable[[], bool]) -> AbstractContextManager[None]:
+        """Have `answer` called in the receiving thread when a motor command comes, if possible.
+
+        A wait ends only if it returns False.
+        """
 
     def missing(self) -> str:
         """Text that names the nodes which do not take part yet."""

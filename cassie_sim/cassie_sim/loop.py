@@ -2,13 +2,18 @@
 
 The loop knows neither ROS nor a clock of its own: messages go through a `Lane`, and wall time
 comes from a function that it is given.
+
+The ticks are a generator that yields where it must wait: for a command, the wall clock or an
+operator. The thread that runs the loop goes on with it after each wait. Where the command of
+lock-step is all that it waits for, the thread that receives the command goes on at once.
 """
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterator
 
 from cassie_msgs.layout import MotorCommand, OperatorCommand, Sensors
 from cassie_msgs.operators import Refusals
@@ -23,6 +28,12 @@ from cassie_sim.simulator_config import SimulatorConfig
 
 _BROKEN_TIMEOUT = 0.02  # at 2 kHz the chain may need longer than a tick, so some ticks wait
 _BROKEN_PERIOD = 0.1
+
+Ticks = Iterator[float]
+"""Ticks of the plant: yields the wall time until which to wait for a message."""
+
+Wait = Generator[float, None, bool]
+"""A part of `Ticks` with a result."""
 
 
 class SimulationLoop:
@@ -52,7 +63,6 @@ class SimulationLoop:
         report: Report,
         *,
         clock: Callable[[], float] = time.monotonic,
-        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.plant = plant
         self.config = config
@@ -67,7 +77,7 @@ class SimulationLoop:
         self.switch = PowerSwitch(
             scripted=config.scripted_operator, start_timeout=config.start_timeout
         )
-        self._lane, self._report, self._clock, self._sleep = lane, report, clock, sleep
+        self._lane, self._report, self._clock = lane, report, clock
         self._tick_s = plant.tick_ns * 1e-9
         self._pace = Pace(self._tick_s)
         self._restart = False
@@ -78,17 +88,47 @@ class SimulationLoop:
         self._patience_due = 0.0
         self._end = round(config.duration * config.control_rate)
         self.timing = TickTiming(self._tick_s)
+        self._turn = threading.Lock()
+        self._ticks: Ticks = iter(())
+        self._waits_until = 0.0
         lane.on_operator = self._on_operator
 
     def run(self) -> None:
         """Run until the duration is over or `stop`."""
         self.begin_episode(self.plant)
-        tick = {
-            "lockstep": self._lockstep_tick,
-            "realtime": self._realtime_tick,
-        }[self.config.pacing]
-        while not self.stopping and not 0 < self._end <= self.plant.seq:
-            tick()
+        lockstep = self.config.pacing == "lockstep"
+        self._ticks = self._lockstep() if lockstep else self._realtime()
+        with self._lane.served(self._go_on) if lockstep else contextlib.nullcontext():
+            while self._resume():
+                self._lane.wait(max(0.0, self._waits_until - self._clock()))
+
+    def _resume(self) -> bool:
+        """Go on after a wait; returns whether there is something to wait for."""
+        with self._turn:
+            self._lane.take()
+            self._serve()
+            due = next(self._ticks, None)
+            self._waits_until = due or 0.0
+        return due is not None
+
+    def _go_on(self) -> bool:
+        """Go on in the receiving thread if the awaited command has come, for `Lane.served`.
+
+        Returns:
+            Whether the thread that runs the loop may wait on.
+        """
+        if not self._turn.acquire(blocking=False):
+            return False
+        try:
+            if self.requests.pending:
+                return False
+            self._lane.take()
+            if not self._answers(self.plant.seq):
+                return True
+            due = next(self._ticks, None)
+            return due is not None and due >= self._waits_until
+        finally:
+            self._turn.release()
 
     def stop(self) -> None:
         """Let `run` return; wake the lane after this call."""
@@ -113,28 +153,34 @@ class SimulationLoop:
         self._pace.start(now)
         self.factor.start(0.0, now)
 
-    def _lockstep_tick(self) -> None:
-        seq = self._announce()
-        self._hold(seq)
-        if not self.broken and not self._interrupted:
-            self.plant.power(self.switch.apply(seq))
-            self.plant.run_ahead()
-        answered = self._await_answer(seq)
-        if not self._interrupted:
-            self._advance(self._lane.command if answered else None)
-            self._keep_pace()
+    def _lockstep(self) -> Ticks:
+        while not self._over:
+            seq = self._announce()
+            yield from self._hold(seq)
+            if not self.broken and not self._interrupted:
+                self.plant.power(self.switch.apply(seq))
+                self.plant.run_ahead()
+            answered = yield from self._await_answer(seq)
+            if not self._interrupted:
+                self._advance(self._lane.command if answered else None)
+                yield from self._keep_pace()
 
-    def _realtime_tick(self) -> None:
-        seq = self._announce()
-        self._hold(seq)
-        rate = min(self.config.max_rate, 1.0) or 1.0
-        due = self._pace.next_due(self._clock(), rate, SHORTEST_TICK)
-        while not self._interrupted and self._wait_until(due):
-            pass
-        if not self._interrupted:
-            command = self._watch.fresh(self.plant.episode, seq)
-            self.timing.tick(self._clock() - due, answered=command is not None)
-            self._advance(command)
+    def _realtime(self) -> Ticks:
+        while not self._over:
+            seq = self._announce()
+            yield from self._hold(seq)
+            rate = min(self.config.max_rate, 1.0) or 1.0
+            due = self._pace.next_due(self._clock(), rate, SHORTEST_TICK)
+            while not self._interrupted and (yield from self._wait_until(due)):
+                pass
+            if not self._interrupted:
+                command = self._watch.fresh(self.plant.episode, seq)
+                self.timing.tick(self._clock() - due, answered=command is not None)
+                self._advance(command)
+
+    @property
+    def _over(self) -> bool:
+        return self.stopping or 0 < self._end <= self.plant.seq
 
     def _on_operator(self, command: OperatorCommand | None, writer: bytes, problem: str) -> None:
         """Take in a command of an operator, or the problem of one that cannot be read."""
@@ -160,7 +206,6 @@ class SimulationLoop:
             self.timing.write(sample)
 
     def _announce(self) -> int:
-        self._serve()
         self._restart = False  # an episode that a request started is announced now
         plant = self.plant
         seq = plant.seq
@@ -182,16 +227,15 @@ class SimulationLoop:
     def _interrupted(self) -> bool:
         return self._restart or self.stopping
 
-    def _wait(self, deadline: float) -> None:
+    def _wait(self, deadline: float) -> Ticks:
         """Wait for a message until `deadline`; an unanswered sample is sent again meanwhile."""
         now = self._clock()
         if now - self._announced >= REPEAT_PERIOD:
             self._lane.repeat()
             self._announced = now
-        self._lane.wait(max(0.0, min(deadline, self._announced + REPEAT_PERIOD) - now))
-        self._serve()
+        yield min(deadline, self._announced + REPEAT_PERIOD)
 
-    def _hold(self, seq: int) -> None:
+    def _hold(self, seq: int) -> Ticks:
         """Wait while paused, and for the scripted operator if this tick needs its answer."""
         in_step = not self.broken and self.config.pacing != "realtime"
         if not self.paused and not (in_step and self.switch.awaits(seq)):
@@ -210,17 +254,17 @@ class SimulationLoop:
                     "operator", "the scripted operator does not answer: power stays as it is"
                 )
                 break
-            self._wait(max(started + self.switch.timeout, now))
+            yield from self._wait(max(started + self.switch.timeout, now))
         self._pace.start(self._clock())
 
-    def _await_answer(self, seq: int) -> bool:
+    def _await_answer(self, seq: int) -> Wait:
         """Whether the command for sample `seq` comes before time-out or interruption."""
         if self.broken or self._interrupted:
-            return self._await_in_real_time(seq)
+            return (yield from self._await_in_real_time(seq))
         started = self._clock()
         limit = self.config.command_timeout + self._watch.start_timeout
         while not self._answers(seq):
-            self._wait(started + limit)
+            yield from self._wait(started + limit)
             if self._interrupted:
                 return False
             silence = self._clock() - started
@@ -232,14 +276,14 @@ class SimulationLoop:
         self._watch.come()
         return True
 
-    def _await_in_real_time(self, seq: int) -> bool:
+    def _await_in_real_time(self, seq: int) -> Wait:
         now = self._clock()
         due = self._pace.next_due(now, 1.0)
         if now >= self._patience_due:
             self._patience_due = now + _BROKEN_PERIOD
             due = max(due, now + _BROKEN_TIMEOUT)
         while not self._interrupted:
-            waited = self._wait_until(due)
+            waited = yield from self._wait_until(due)
             if self._answers(seq):
                 self.broken = False
                 self._report("lockstep", None)
@@ -250,11 +294,10 @@ class SimulationLoop:
                 break
         return False
 
-    def _wait_until(self, due: float) -> bool:
-        """Take in what arrives; False if `due` was over already before this call."""
+    def _wait_until(self, due: float) -> Wait:
+        """Wait for a message; False if `due` was over already before this call."""
         left = due - self._clock()
-        self._lane.wait(max(0.0, left))
-        self._serve()
+        yield due
         return left > 0.0
 
     def _answers(self, seq: int) -> bool:
@@ -286,13 +329,10 @@ class SimulationLoop:
             if not self.credit:
                 self.credit_spent.set()
 
-    def _keep_pace(self) -> None:
+    def _keep_pace(self) -> Ticks:
         """Wait until the next tick is due; in broken lock-step the wait for answers does that."""
         if self.broken:
             return
-        now = self._clock()
-        due = self._pace.next_due(now, self.config.max_rate)
-        while due > now and not self._interrupted:
-            self._sleep(min(due - now, 0.1))
-            self._serve()
-            now = self._clock()
+        due = self._pace.next_due(self._clock(), self.config.max_rate)
+        while due > self._clock() and not self._interrupted:
+            yield due

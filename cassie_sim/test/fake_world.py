@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -86,11 +88,43 @@ class FakeWorld:
             self.command_key = self._due.pop(0)[1]
             self.command.seq[...] = self.command_key[1]
 
+    def take(self) -> None:
+        """`wait` has taken all."""
+
+    def served(self, answer: Callable[[], bool]) -> AbstractContextManager[None]:
+        return nullcontext()
+
     def missing(self) -> str:
         return ""
 
     def report(self, condition: str, problem: str | None) -> None:
         self.reports.append((condition, problem))
 
-    def sleep(self, seconds: float) -> None:
-        self.now += seconds
+
+class ReceivingWorld(FakeWorld):
+    """A `FakeWorld` with a receiving thread, which answers commands while the loop's one waits."""
+
+    def __init__(self, answers: Callable[[int, int], bool] = lambda episode, seq: True) -> None:
+        super().__init__(answers)
+        self.waits = 0
+        self.on_receive: Callable[[], None] = lambda: None
+        self._answer: Callable[[], bool] = lambda: False
+
+    @contextmanager
+    def served(self, answer: Callable[[], bool]) -> Iterator[None]:
+        self._answer = answer
+        yield
+        self._answer = lambda: False
+
+    def wait(self, timeout: float) -> None:
+        self.waits += 1
+        until = self.now + timeout
+        while self.now < until:
+            asked = self.command_key
+            super().wait(until - self.now)
+            if self.command_key == asked:
+                continue
+            self.on_receive()
+            with ThreadPoolExecutor(1) as receiving:
+                if not receiving.submit(self._answer).result():
+                    return

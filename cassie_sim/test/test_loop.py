@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from fake_world import FakePlant, FakeWorld
+from fake_world import FakePlant, FakeWorld, ReceivingWorld
 
 from cassie_msgs.layout import OperatorCommand, RobotMode
 from cassie_sim.loop import SimulationLoop
@@ -28,7 +29,6 @@ def make(
         settings,
         world.report,
         clock=lambda: world.now,
-        sleep=world.sleep,
     )
     return loop, plant, world
 
@@ -69,6 +69,62 @@ def test_a_request_finds_the_plant_as_it_was_at_the_sample() -> None:
     loop.run()
     assert seen[0] == -1
     assert [tick for tick, ahead in enumerate(plant.started_ahead) if not ahead] == [5]
+
+
+def test_the_receiving_thread_goes_on_without_waking_the_loops() -> None:
+    loop, plant, world = make(ReceivingWorld(), ticks=200)
+    loop.run()
+    assert plant.applied == world.announced == list(range(200))
+    assert all(plant.started_ahead)
+    assert world.waits == 1
+
+
+def test_the_receiving_thread_leaves_requests_to_the_loops() -> None:
+    loop, plant, world = make(ReceivingWorld(), ticks=200)
+    threads: list[int] = []
+
+    def ask() -> None:
+        if plant.seq == 50:
+            loop.requests.call(lambda: threads.append(threading.get_ident()))
+
+    world.on_receive = ask  # type: ignore[attr-defined]
+    loop.run()
+    assert threads == [threading.get_ident()]
+    assert plant.applied == list(range(200))
+    assert world.waits == 2  # type: ignore[attr-defined]
+
+
+def test_the_receiving_thread_leaves_pacing_pauses_and_scripts_to_the_loops() -> None:
+    world = ReceivingWorld()
+    loop, plant, _ = make(world, ticks=100, scripted_operator=True)
+    loop.config = replace(loop.config, max_rate=1.0)
+
+    def script() -> None:
+        world.on_operator(operator(plant.seq // 10 * 10, True), b"script", "")
+        if plant.seq == 30 and world.now < 105.0:
+            loop.paused = True
+        elif world.now >= 105.0:
+            loop.paused = False
+
+    world.on_wait = script
+    loop.run()
+    assert plant.applied == list(range(100))
+    assert plant.powered == [False] * 10 + [True] * 90
+    assert world.times[31] - world.times[30] > 4.0
+    assert world.now - world.times[31] == pytest.approx(69 * TICK, abs=1e-3)
+
+
+def test_what_fails_in_the_receiving_thread_is_not_lost() -> None:
+    world = ReceivingWorld()
+    loop, plant, _ = make(world)
+
+    def fail() -> None:
+        if plant.seq == 5:
+            plant.step = None  # type: ignore[assignment, method-assign]
+
+    world.on_receive = fail
+    with pytest.raises(TypeError):
+        loop.run()
 
 
 def test_realtime_keeps_wall_time_and_takes_the_newest_command() -> None:

@@ -37,9 +37,9 @@ class TimedLane(SimulatorLane):
         self.answered.append(math.nan)
         super().announce(sample, plant)
 
-    def wait(self, timeout: float) -> None:
-        """Wait, and record the time if a command came."""
-        super().wait(timeout)
+    def take(self) -> None:
+        """Take in messages, and record the time if a command came."""
+        super().take()
         if self.command_key != self._seen:
             self._seen = self.command_key
             self.answered[self.command_key[1]] = time.perf_counter()

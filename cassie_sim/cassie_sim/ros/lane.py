@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
@@ -53,6 +54,7 @@ class SimulatorLane:
         watch: Called with the plant after each sample, for film and window.
         scripted: Whether the lane waits for a script's answers. A person's commands do not wake
             the loop: they are taken once per tick, so that a flood of them costs little.
+        one_thread: Whether `watch` must be called by the thread that runs the loop.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class SimulatorLane:
         watch: Callable[[Plant], None],
         *,
         scripted: bool,
+        one_thread: bool = False,
     ) -> None:
         self._sensors = LanePublisher(node, Sensors)
         self._truth = node.create_publisher(Odometry, GROUND_TRUTH_TOPIC, WRITER)
@@ -95,6 +98,7 @@ class SimulatorLane:
         self.keep_awake = False
         self._report = report
         self._watch = watch
+        self._one_thread = one_thread
         self._ground_truth, self._segway_truth = GroundTruth(), SegwayTruth()
         self._decimation = max(1, control_rate // STANDARD_RATE)
         self._last_sample = self._last_truth = self._last_clock = b""
@@ -132,6 +136,13 @@ class SimulatorLane:
     def wait(self, timeout: float) -> None:
         """Return when a message arrives or `wake` is called, after `timeout` s at the latest."""
         self._waiter.wait(timeout)
+
+    def served(self, answer: Callable[[], bool]) -> AbstractContextManager[None]:
+        """Have `answer` called in the receiving thread when a motor command comes, if possible."""
+        return nullcontext() if self._one_thread else self._commands.served(answer)
+
+    def take(self) -> None:
+        """Take in the messages that have come."""
         self._take_command()
         for writer, raw in take_from_each(self._operator):
             self._take_operator_command(writer, raw)

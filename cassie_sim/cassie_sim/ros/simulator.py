@@ -53,6 +53,7 @@ class Simulator(Node):
             self._report,
             self._watch,
             scripted=self._config.scripted_operator,
+            one_thread=bool(self._config.video) or not self._config.headless,
         )
         self._lane = lane
         lane.keep_awake = self._config.hurries
