@@ -26,7 +26,7 @@ VENV_INPUTS = [ROOT / "requirements.txt", HERE / "constraints.txt", HERE / "relo
 # Edits of other Python files need no build: colcon links them into place. Those beside the messages
 # it copies, because the package is the message generator's.
 COPIED = ROOT / "cassie_msgs/python"
-CONTENT_MATTERS = {".msg", ".srv", ".txt", ".xml", ".cfg"}
+CONTENT_MATTERS = {".c", ".msg", ".srv", ".txt", ".xml", ".cfg"}
 
 
 class BuildError(Exception):

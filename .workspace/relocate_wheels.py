@@ -1,7 +1,8 @@
 """Point the wheels' exported CMake files at this interpreter.
 
 The ROS wheels carry, in share/*/cmake, the include folders of Python and numpy on the
-machine that built them (/opt/python/cpXY-cpXY/...). Run once in the virtual environment,
+machine that built them (/opt/python/cpXY-cpXY/...), and system libraries of that machine, which
+the wheels bring along with the libraries that use them. Run once in the virtual environment,
 with its own Python, after an install. Running it again changes nothing.
 """
 
@@ -16,10 +17,12 @@ import numpy
 
 _NUMPY = re.compile(r'/opt/[^;"\s]*/numpy/(?:_core|core)/include')
 _PYTHON = re.compile(r'/opt/[^;"\s]*/include/python3\.\d+')
+_BROUGHT_ALONG = re.compile(r'/usr/lib64/lib[^;"\s]*\.so;')
 
 
 def relocated(text: str, python_include: str, numpy_include: str) -> str:
-    """`text` of a CMake file with both include folders replaced."""
+    """`text` of a CMake file for this interpreter and without libraries of that machine."""
+    text = _BROUGHT_ALONG.sub("", text)
     text = _NUMPY.sub(lambda _: numpy_include, text)
     return _PYTHON.sub(lambda _: python_include, text)
 

@@ -69,6 +69,8 @@ SUPPLIERS = {
 
 NOT_IMPORTED = {
     "ament_cmake_pytest",  # registers the tests of cassie_msgs
+    "rcl",  # inbox.c of cassie_msgs
+    "rcutils",
     "builtin_interfaces",  # field types of messages
     "std_msgs",
     "rosidl_default_runtime",

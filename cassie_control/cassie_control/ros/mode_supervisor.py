@@ -23,7 +23,6 @@ from cassie_msgs.ros.fast_lane import (
     LanePublisher,
     LaneSubscription,
     LaneWaiter,
-    WakeLimiter,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare
@@ -60,7 +59,9 @@ class ModeSupervisorNode(Node):
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
         estimator = OneWriter(RobotState)
-        self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
+        self._states = LaneSubscription(
+            self, RobotState, qos=EVERY, guard=estimator, every=PERIOD_TICKS
+        )
         self._modes = LanePublisher(self, Mode)
         self._status = StatusTopic(self, self._lane.control_rate)
         self._in_force = CommandInForce(self)
@@ -78,7 +79,6 @@ class ModeSupervisorNode(Node):
         stop.on_request(self._waiter.wake)
         self._state = RobotState()
         self._last = (-1, -1)
-        self._wakes = WakeLimiter()
         self._replies: list[bytes] = []
 
     def loop(self) -> None:
@@ -101,6 +101,7 @@ class ModeSupervisorNode(Node):
         while not self._stop.requested:
             raw = self._operator.take_state()
             if raw is None:
+                self._states.rest(PERIOD_TICKS - self._last[1] % PERIOD_TICKS)
                 return
             _, _, episode, seq = header(raw)
             self._watch.heard_state(time.monotonic())
@@ -110,7 +111,6 @@ class ModeSupervisorNode(Node):
                 self._repeat()
             elif seq % PERIOD_TICKS == 0:
                 self._answer(raw, episode, seq)
-                self._wakes.limit()
 
     def _repeat(self) -> None:
         """Answer a repeated state: an answer may have been lost, or a node may be new."""

@@ -21,7 +21,6 @@ from cassie_msgs.ros.fast_lane import (
 )
 from cassie_msgs.ros.process import Stop
 from cassie_msgs.schedule import (
-    PERIOD_TICKS,
     SCRIPT_AGE,
     SCRIPT_GONE,
     SCRIPT_TIMEOUT,
@@ -29,7 +28,7 @@ from cassie_msgs.schedule import (
 )
 
 _FIRST_ANSWER = 8.0  # s of wall time, time-out of a script's first answer, below `START_TIMEOUT`
-_MOST = 5 * PERIOD_TICKS  # states; the loop runs on for a period before it waits for this node
+_MOST = 5  # states of a long queue that are answered
 
 
 class OperatorSource:

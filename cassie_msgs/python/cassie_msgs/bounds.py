@@ -6,6 +6,8 @@ set a node back. A node that works sends neither.
 
 from __future__ import annotations
 
+import ctypes
+
 LEAD = 600_000
 """Control ticks by which a stream may jump ahead: 20 minutes at 500 Hz, 5 at 2 kHz."""
 
@@ -23,50 +25,52 @@ def outside(name: str, value: int, low: int, high: int) -> str:
     return "" if low <= value <= high else f"{name} = {value} is outside {low} .. {high}"
 
 
+class Place(ctypes.Structure):
+    """Place in a stream, in memory that compiled code reads and writes, too.
+
+    Attributes:
+        seq, episode: The place.
+        known: Whether there is a place yet.
+    """
+
+    _fields_ = (("seq", ctypes.c_uint64), ("episode", ctypes.c_uint32), ("known", ctypes.c_bool))
+
+
 class Progress:
     """Bounds on a stream whose messages carry a rising episode and seq, such as sensor samples.
 
     A message may repeat the last one, follow it within `LEAD` ticks of the same episode, or begin
     a later episode. A restarted sender is a new stream: `restart` forgets the old one.
+
+    Args:
+        last: Place of the message accepted last, which is kept there.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, last: Place | None = None) -> None:
+        self._last = last or Place()
         self.restart()
 
     def restart(self) -> None:
         """Forget the stream: the next message may have any episode and seq."""
-        self._last: tuple[int, int] | None = None
+        self._last.known = False
         self._refused: tuple[int, int] | None = None
         self._in_a_row = 0
 
-    def goes_on(self, episode: int, seq: int) -> bool:
-        """Whether a message follows in the same episode, which is the usual case at every tick."""
-        last = self._last
-        if last is None or episode != last[0] or not last[1] <= seq <= last[1] + LEAD:
-            return False
-        self._last = (episode, seq)
-        return True
-
     def refusal(self, episode: int, seq: int) -> str:
         """Why a message is refused; empty if it is accepted, and the stream goes on from it."""
-        if self.goes_on(episode, seq):
-            return ""
-        if self._last is None:
-            self._last = (episode, seq)
-            return ""
-        last_episode, last_seq = self._last
-        if episode == last_episode:
-            problem = outside("seq", seq, last_seq, last_seq + LEAD)
-        elif last_episode < episode <= last_episode + EPISODE_LEAD:
-            self._last = (episode, seq)
-            return ""
+        last = self._last
+        if not last.known:
+            problem = ""
+        elif episode == last.episode:
+            problem = outside("seq", seq, last.seq, last.seq + LEAD)
         else:
-            problem = outside("episode", episode, last_episode, last_episode + EPISODE_LEAD)
-        if self._is_confirmed(episode, seq):
+            problem = outside("episode", episode, last.episode, last.episode + EPISODE_LEAD)
+        if problem:
+            if not self._is_confirmed(episode, seq):
+                return problem
             self.restart()
-            self._last = (episode, seq)
-            return ""
-        return problem
+        last.episode, last.seq, last.known = episode, seq, True
+        return ""
 
     def _is_confirmed(self, episode: int, seq: int) -> bool:
         """Whether `CONFIRMED` refused messages have followed each other in order."""

@@ -24,6 +24,9 @@ Field = tuple[str, type[np.generic], int]
 ENCAPSULATION = b"\x00\x01\x00\x00"  # plain CDR, little endian, no options
 _PLAIN, _LITTLE_ENDIAN = ENCAPSULATION[:2]
 _HEADER = struct.Struct("<4xiII4xQ")
+HEADER_SIZE = _HEADER.size
+"""Size of the fields that begin every message of the control lane. In bytes."""
+
 _PLACE = struct.Struct("<12xI4xQ")
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
@@ -82,6 +85,7 @@ class Sample:
         DTYPE: Structured type of the whole serialized message, for reading bags.
         SIZE: Size of the serialized message, in bytes.
         RECORD: Structured type of the message without its encapsulation.
+        address: Address of the serialized message in memory, for compiled functions.
         record: The message as an array of type `RECORD`, for compiled functions. Shape (1,).
         floats: One view of all float64 fields, which are contiguous in every message.
     """
@@ -93,6 +97,7 @@ class Sample:
     RECORD: ClassVar[np.dtype[Any]]
     SIZE: ClassVar[int]
 
+    address: int
     record: npt.NDArray[np.void]
     floats: npt.NDArray[np.float64]
     episode: npt.NDArray[np.uint32]
@@ -112,6 +117,7 @@ class Sample:
         buffer[:4] = tuple(ENCAPSULATION)
         attributes = self.__dict__  # `__setattr__` guards the fields from here on
         attributes["_memory"] = buffer.data
+        attributes["address"] = buffer.ctypes.data
         attributes["record"] = buffer[len(ENCAPSULATION) :].view(self.RECORD)
         for name in self.DTYPE.names or ():
             attributes[name] = buffer.view(self.DTYPE)[name].reshape(self.DTYPE[name].shape)

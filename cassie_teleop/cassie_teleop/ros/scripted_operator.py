@@ -20,7 +20,6 @@ from cassie_msgs.ros.fast_lane import (
     LaneSubscription,
     LaneWaiter,
     RawSubscription,
-    WakeLimiter,
 )
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.scheduling import Place, Scheduling
@@ -34,6 +33,8 @@ _TRUTH = QoSProfile(
     reliability=ReliabilityPolicy.RELIABLE, history=HistoryPolicy.KEEP_LAST, depth=50 * PERIOD_TICKS
 )
 _SIGHT_TIMEOUT = 0.5  # s of wall time, time-out of the wait for the rider's measurement
+_MOST = 5  # states of a long queue that are answered
+_LOOK_PERIOD = 0.1  # s of wall time between two looks for states
 _SILENCE = 1.0  # s of wall time without a state, after which that is reported
 
 
@@ -62,7 +63,9 @@ class ScriptedOperatorNode(Node):
         self._stop = stop
         self._scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
         estimator = OneWriter(RobotState)
-        self._states = LaneSubscription(self, RobotState, qos=EVERY, guard=estimator)
+        self._states = LaneSubscription(
+            self, RobotState, qos=EVERY, guard=estimator, every=PERIOD_TICKS
+        )
         self._commands = LanePublisher(self, OperatorCommand)
         self._eyes: RawSubscription | None = None
         if self._operator.rider is not None:
@@ -74,16 +77,18 @@ class ScriptedOperatorNode(Node):
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = b""
-        self._wakes = WakeLimiter()
 
     def loop(self) -> None:
         """Answer states until stopped."""
         heard = time.monotonic()
         while not self._stop.requested:
-            if self._waiter.wait(_SILENCE / 2):
+            self._waiter.wait(_LOOK_PERIOD)
+            if states := self._states.take_last(_MOST):
                 heard = time.monotonic()
-                for raw in self._states.take_last(5 * PERIOD_TICKS):
+                for raw in states:
                     self._answer(raw)
+                _, _, _, newest = header(states[-1])
+                self._states.rest(PERIOD_TICKS - newest % PERIOD_TICKS)
                 self._diagnostics.set("script", diagnostics.OK, "playing")
             elif time.monotonic() - heard > _SILENCE:
                 message = f"no {RobotState.TOPIC} for more than {_SILENCE:g} s"
@@ -106,7 +111,6 @@ class ScriptedOperatorNode(Node):
             self._reply = self._operator.answer(self._state).to_bytes()
             self._answered = (episode, seq)
         self._commands.publish_raw(self._reply)
-        self._wakes.limit()
 
     def _look(self, stamp_ns: int) -> None:
         """Take in the rider's measurements; wait for the one that is due, up to a time-out."""

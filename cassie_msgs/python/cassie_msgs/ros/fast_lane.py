@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import os
 import select
-import time
 import weakref
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from importlib import import_module
 from typing import Any, Generic, TypeVar
@@ -29,7 +28,7 @@ from rclpy.serialization import deserialize_message
 
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.inbox import Inbox
-from cassie_msgs.ros.one_writer import Guard
+from cassie_msgs.ros.one_writer import OneWriter
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
@@ -112,7 +111,7 @@ class RawSubscription:
         message_class: Any,
         topic: str,
         qos: QoSProfile,
-        guard: Guard | None = None,
+        guard: OneWriter | None = None,
     ) -> None:
         """Create the subscription, which no executor serves.
 
@@ -170,6 +169,14 @@ class RawSubscription:
         """
         return self.inbox.served(answer)
 
+    def rest(self, messages: int) -> None:
+        """Let the given number of messages come, the last of which ends a wait; others do not.
+
+        A node that answers every 10th message would wake up for each, when nodes that answer each
+        one need the processors. A wait may end sooner, by its time-out: take messages then, too.
+        """
+        self.inbox.rest(messages)
+
     @property
     def matched(self) -> int:
         """Number of publishers that send to this subscription."""
@@ -185,7 +192,8 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         sample_type: type[SampleT],
         topic: str | None = None,
         qos: QoSProfile = NEWEST,
-        guard: Guard | None = None,
+        guard: OneWriter | None = None,
+        every: int = 1,
     ) -> None:
         """Create the subscription.
 
@@ -195,18 +203,21 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
             topic: Topic of the messages; by default that of the type.
             qos: How messages are kept until they are taken.
             guard: Decides which messages are accepted; by default all are.
+            every: Ticks between messages of interest. A guard that accepts messages in order may
+                skip others, unless they are repeated.
         """
         super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos, guard)
         self._drain = qos.depth > 1
+        self._every, self._scratch = every, sample_type()
 
-    def take_last(self, most: int) -> Iterable[bytes]:
+    def take_last(self, most: int) -> Sequence[bytes]:
         """The last `most` accepted messages not yet taken, oldest first.
 
         The caller may have been delayed, so messages that are too old to matter are dropped.
         """
         last: deque[bytes] = deque(maxlen=most)
-        while (raw := self.take_raw()) is not None:
-            last.append(raw)
+        while (taken := self._load(self._scratch)) is not False:
+            last.append(self._scratch.to_bytes() if taken is True else bytes(taken))
         return last
 
     def take_next(self, sample: SampleT) -> bool:
@@ -215,11 +226,20 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         Raises:
             LayoutError: if the message is not of this type's size.
         """
-        taken = self._take()
-        if taken is None:
-            return False
+        taken = self._load(sample)
+        if isinstance(taken, bool):
+            return taken
         sample.load(taken)
         return True
+
+    def _load(self, sample: SampleT) -> memoryview | bool:
+        """Load the next accepted message into a sample, or return its bytes; False without one."""
+        inbox, guard = self.inbox, self._guard
+        accepted = guard.accepted if guard is not None else None
+        while not isinstance(taken := inbox.load(sample, accepted, self._every), bool):
+            if guard is None or guard.admits(inbox.writer, taken):
+                return taken
+        return taken
 
     def take(self, sample: SampleT) -> bool:
         """Whether there was a message not yet taken; loads the newest one and drops older ones.
@@ -227,13 +247,11 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         Raises:
             LayoutError: if the message is not of this type's size.
         """
-        taken = self._take()
-        if taken is None:
+        if not self.take_next(sample):
             return False
-        sample.load(taken)
         if self._drain and not self.inbox.receiving:
-            while (taken := self._take()) is not None:
-                sample.load(taken)
+            while self.take_next(sample):
+                pass
         return True
 
 
@@ -355,28 +373,6 @@ class LaneWaiter:
     def wake(self) -> None:
         """End a wait at once, from any thread."""
         os.eventfd_write(self._bell, 1)
-
-
-class WakeLimiter:
-    """Sleeps during half of the time between two relevant messages.
-
-    A node that answers every 10th message of a topic would wake up for every message, when nodes
-    that answer each one need the cores. Asleep, it skips half of these wake-ups. The queue keeps
-    messages that come meanwhile.
-
-    Args:
-        longest: Longest sleep, in s.
-    """
-
-    def __init__(self, longest: float = 0.01) -> None:
-        self._longest = longest
-        self._last = time.monotonic()
-
-    def limit(self) -> None:
-        """Sleep; call this right after a relevant message was answered."""
-        now = time.monotonic()
-        time.sleep(min(0.5 * (now - self._last), self._longest))
-        self._last = now
 
 
 def _ignore(_: object) -> None:

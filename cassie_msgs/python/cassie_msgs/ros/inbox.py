@@ -2,8 +2,8 @@
 
 rclpy takes a message in 15 us. A wait for one costs it 20 to 50 us, mostly because it tells the
 middleware each time which subscriptions it waits for. Below rclpy, ROS itself calls a C function
-when a message has come. Here that function is the C library's `eventfd_write`. So the receiving
-thread needs no Python to wake the waiting thread, and a wait is one system call.
+when a message has come. The function here, in `src/inbox.c`, writes to a file descriptor. So the
+receiving thread needs no Python to wake the waiting thread, and a wait is one system call.
 Where even that takes too long, the receiving thread answers itself: see `Inbox.served`.
 
 Source:
@@ -19,71 +19,49 @@ import os
 import threading
 import weakref
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
-_OK = 0
-_NOTHING_TO_TAKE = 401
+from cassie_msgs.sample import Sample
+
+_LOADED, _LOOK = 1, 2  # answers of `inbox_take`
 _UNKNOWN = 2**64 - 1
 _CAPACITY = 2048  # bytes; grows when a message is longer
 
 
-class _Allocator(ctypes.Structure):
-    """`rcutils_allocator_t`: four functions and a state."""
-
-    _fields_ = tuple(
-        (name, ctypes.c_void_p) for name in ("new", "free", "resize", "zeroed", "state")
-    )
-
-
-class _Bytes(ctypes.Structure):
-    """`rcutils_uint8_array_t`, a serialized message."""
+class _Taken(ctypes.Structure):
+    """The message taken last: the beginning of `inbox_t`."""
 
     _fields_ = (
-        ("buffer", ctypes.c_void_p),
+        ("bytes", ctypes.c_void_p),
         ("length", ctypes.c_size_t),
         ("capacity", ctypes.c_size_t),
-        ("allocator", _Allocator),
-    )
-
-
-class _Info(ctypes.Structure):
-    """`rmw_message_info_t`, the metadata of a message."""
-
-    _fields_ = (
-        ("sent", ctypes.c_int64),
-        ("received", ctypes.c_int64),
-        ("number_sent", ctypes.c_uint64),
-        ("number_received", ctypes.c_uint64),
-        ("implementation", ctypes.c_char_p),
+        ("number", ctypes.c_uint64),
         ("writer", ctypes.c_uint8 * 16),
-        ("from_own_process", ctypes.c_bool),
     )
 
 
-class _Text(ctypes.Structure):
-    """`rcutils_error_string_t`."""
-
-    _fields_ = (("text", ctypes.c_char * 1024),)
-
-
+_LIBRARY = str(Path(__file__).with_name("libcassie_inbox.so"))
 # These calls return at once; releasing the interpreter lock for them would cost more than they do.
-_rcutils = ctypes.PyDLL("librcutils.so")
-_take = ctypes.PyDLL("librcl.so").rcl_take_serialized_message
-_take.argtypes = (ctypes.c_void_p,) * 4
-# These calls may wait for the receiving thread, which may wait for the interpreter lock.
-_rcl = ctypes.CDLL("librcl.so")
-_take_patiently = _rcl.rcl_take_serialized_message
-_take_patiently.argtypes = (ctypes.c_void_p,) * 4
-_call_on_message = _rcl.rcl_subscription_set_on_new_message_callback
-_call_on_message.argtypes = (ctypes.c_void_p,) * 3
+_library = ctypes.PyDLL(_LIBRARY)
 _Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_size_t)
-_rcutils.rcutils_get_default_allocator.restype = _Allocator
-_rcutils.rcutils_get_error_string.restype = _Text
-# ROS calls it with the registered pointer and the number of messages. For `eventfd_write` these are
-# the descriptor and the number to add.
-_RING = ctypes.cast(ctypes.CDLL(None).eventfd_write, ctypes.c_void_p)
+_library.inbox_open.argtypes = (ctypes.c_size_t, ctypes.c_int)
+_library.inbox_open.restype = ctypes.c_void_p
+_library.inbox_close.argtypes = (ctypes.c_void_p,)
+_library.inbox_rest.argtypes = (ctypes.c_void_p, ctypes.c_size_t)
+_library.inbox_error.restype = ctypes.c_char_p
+_take, _load = _library.inbox_take, _library.inbox_load
+# These calls may wait for the receiving thread, which may wait for the interpreter lock.
+_patient = ctypes.CDLL(_LIBRARY)
+_take_patiently, _load_patiently = _patient.inbox_take, _patient.inbox_load
+_ring, _announce_to = _patient.inbox_ring, _patient.inbox_call
+_ADDRESS, _SIZE = ctypes.c_void_p, ctypes.c_size_t
+for _two in (_take, _take_patiently, _ring, _announce_to):
+    _two.argtypes = (_ADDRESS, _ADDRESS)
+_load.argtypes = _load_patiently.argtypes = (*(_ADDRESS,) * 4, _SIZE, ctypes.c_uint64)
+_ring.restype = _announce_to.restype = ctypes.c_bool
 
 
 class Inbox:
@@ -101,24 +79,18 @@ class Inbox:
         self._handle = handle
         self._pointer = handle.pointer
         self.descriptor = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self._bytes = _Bytes()
-        self._bytes_pointer = ctypes.addressof(self._bytes)
-        self._info = _Info()
-        self._info_pointer = ctypes.addressof(self._info)
-        self._writer = memoryview(self._info.writer).cast("B")
-        allocator = _rcutils.rcutils_get_default_allocator()
-        _check(
-            _rcutils.rcutils_uint8_array_init(
-                ctypes.byref(self._bytes), ctypes.c_size_t(_CAPACITY), ctypes.byref(allocator)
-            )
-        )
+        self._inbox = _library.inbox_open(_CAPACITY, self.descriptor)
+        if not self._inbox:
+            raise MemoryError
+        self._taken = _Taken.from_address(self._inbox)
+        self._writer = memoryview(self._taken.writer).cast("B")
         self._capacity = 0
         self._receiver = 0  # thread that answers; 0: none, -1: not known yet
         self._callback: Any = None
         self._error: BaseException | None = None
         self._view = memoryview(b"")
-        weakref.finalize(self, _close, handle, self.descriptor, self._bytes)
-        _check(_call_on_message(self._pointer, _RING, self.descriptor))
+        weakref.finalize(self, _close, handle, self.descriptor, self._inbox)
+        _check(_ring(self._inbox, self._pointer))
 
     @contextlib.contextmanager
     def served(self, answer: Callable[[], bool]) -> Iterator[None]:
@@ -137,15 +109,14 @@ class Inbox:
                 os.eventfd_write(self.descriptor, count)
 
         self._callback = _Callback(call)
-        self._receiver = -1
         with self._handle:
-            _check(_call_on_message(self._pointer, self._callback, None))
-        try:
-            yield
-        finally:
-            with contextlib.suppress(_rclpy.InvalidHandle), self._handle:
-                _call_on_message(self._pointer, _RING, self.descriptor)
-            self._receiver = 0
+            self._receiver = -1
+            _check(_announce_to(self._pointer, self._callback))
+            try:
+                yield
+            finally:
+                _ring(self._inbox, self._pointer)
+                self._receiver = 0
 
     def _answered(self, answer: Callable[[], bool]) -> bool:
         if self._receiver == -1:
@@ -169,6 +140,10 @@ class Inbox:
             error, self._error = self._error, None
             raise error
 
+    def rest(self, messages: int) -> None:
+        """Leave the descriptor as it is until the given number of further messages have come."""
+        _library.inbox_rest(self._inbox, messages)
+
     def take(self) -> memoryview | None:
         """The oldest message not yet taken, valid until the next call; None if there is none.
 
@@ -176,17 +151,47 @@ class Inbox:
             InvalidHandle: if the subscription is destroyed.
             RCLError: if the middleware fails.
         """
-        take = _take
-        if self._receiver and self._receiver != threading.get_ident():
-            take = _take_patiently
         with self._handle:
-            code = take(self._pointer, self._bytes_pointer, self._info_pointer, None)
-        if code == _NOTHING_TO_TAKE:
-            return None
-        _check(code)
-        if self._bytes.capacity != self._capacity:
-            self._look_at_buffer()
-        return self._view[: self._bytes.length]
+            take = _take_patiently if self._receiver and not self.receiving else _take
+            code = take(self._inbox, self._pointer)
+        _check(code <= _LOOK)
+        return self._message() if code == _LOOK else None
+
+    def load(
+        self, sample: Sample, accepted: int | None = None, every: int = 1
+    ) -> memoryview | bool:
+        """Take the oldest message and load it into a sample, if it needs no closer look.
+
+        Args:
+            sample: Result.
+            accepted: Address of the `Accepted` of a guard; None if every message is accepted.
+            every: Ticks between messages of interest. Others that follow in order are skipped,
+                unless they are repeated.
+
+        Returns:
+            True if the sample is loaded, False if there was no message. Otherwise the message is
+            not an expected one: its bytes, valid until the next call.
+
+        Raises:
+            InvalidHandle, RCLError: as `take`.
+        """
+        inbox, pointer, address, size = self._inbox, self._pointer, sample.address, sample.SIZE
+        if self._receiver == threading.get_ident():  # this thread holds the handle
+            code = _load(inbox, pointer, accepted, address, size, every)
+        else:
+            load = _load_patiently if self._receiver else _load
+            with self._handle:
+                code = load(inbox, pointer, accepted, address, size, every)
+        _check(code <= _LOOK)
+        return self._message() if code == _LOOK else code == _LOADED
+
+    def _message(self) -> memoryview:
+        taken = self._taken
+        if taken.capacity != self._capacity:
+            self._capacity = taken.capacity
+            buffer = (ctypes.c_uint8 * self._capacity).from_address(taken.bytes)
+            self._view = memoryview(buffer).cast("B")
+        return self._view[: taken.length]
 
     @property
     def receiving(self) -> bool:
@@ -201,25 +206,19 @@ class Inbox:
     @property
     def number(self) -> int | None:
         """Sequence number, by its writer, of the message taken last; None if DDS has none."""
-        number = int(self._info.number_sent)
+        number = int(self._taken.number)
         return None if number == _UNKNOWN else number
 
-    def _look_at_buffer(self) -> None:
-        self._capacity = self._bytes.capacity
-        buffer = (ctypes.c_uint8 * self._capacity).from_address(self._bytes.buffer)
-        self._view = memoryview(buffer).cast("B")
 
-
-def _close(handle: Any, descriptor: int, content: _Bytes) -> None:
+def _close(handle: Any, descriptor: int, inbox: int) -> None:
     # A subscription that is destroyed already makes no more calls.
     with contextlib.suppress(_rclpy.InvalidHandle), handle:
-        _call_on_message(handle.pointer, None, None)
+        _announce_to(handle.pointer, None)
     os.close(descriptor)
-    _rcutils.rcutils_uint8_array_fini(ctypes.byref(content))
+    _library.inbox_close(inbox)
 
 
-def _check(code: int) -> None:
-    if code != _OK:
-        reason = _rcutils.rcutils_get_error_string().text.decode(errors="replace")
-        _rcutils.rcutils_reset_error()
-        raise _rclpy.RCLError(f"{reason or 'the middleware failed'} (code {code})")
+def _check(done: bool) -> None:
+    if not done:
+        reason = _library.inbox_error().decode(errors="replace")
+        raise _rclpy.RCLError(reason or "the middleware failed")

@@ -15,14 +15,14 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.utilities import get_rmw_implementation_identifier
 
-from cassie_msgs.bounds import Progress
+from cassie_msgs.bounds import LEAD, Place, Progress
 from cassie_msgs.ros.periodic import Periodic
-from cassie_msgs.sample import Sample, place
+from cassie_msgs.sample import HEADER_SIZE, Sample, place
 
 LOOK_PERIOD = 0.5
 """Wall time between two checks of the graph. In s."""
@@ -52,15 +52,28 @@ class _Gid(ctypes.Structure):
     _fields_ = (("implementation", ctypes.c_char_p), ("data", ctypes.c_uint8 * _GID_SIZE))
 
 
-class Guard(Protocol):
-    """Decides which messages of a subscription are accepted."""
+class Accepted(ctypes.Structure):
+    """What a `OneWriter` accepts without a closer look: `accepted_t` of src/inbox.c.
 
-    def admits(self, writer: bytes, raw: memoryview) -> bool:
-        """Whether a message is accepted, by the identity of its writer and its bytes."""
+    Attributes:
+        writer: Identity of the accepted writer.
+        usual: Whether there is one, whose last message was accepted.
+        heard: Time of its last message. In s.
+        lead: Most ticks by which a message may be ahead of the last one; 0 if any order is.
+        last: Place of that message.
+    """
+
+    _fields_ = (
+        ("writer", ctypes.c_uint8 * _GID_SIZE),
+        ("usual", ctypes.c_bool),
+        ("heard", ctypes.c_double),
+        ("lead", ctypes.c_uint64),
+        ("last", Place),
+    )
 
 
 class OneWriter:
-    """Admits the messages of one writer; a `Guard`.
+    """Admits the messages of one writer.
 
     Args:
         source: Type of the messages, or the topic of messages without episode and seq.
@@ -69,6 +82,7 @@ class OneWriter:
     Attributes:
         writer: Identity of the accepted writer; empty before the first.
         refused: Why the newest message of that writer was refused; empty if it was not.
+        accepted: Address of the `Accepted` with what needs no closer look.
     """
 
     def __init__(self, source: type[Sample] | str, *, in_order: bool = True) -> None:
@@ -78,38 +92,39 @@ class OneWriter:
         self.writer = b""
         self.refused = ""
         self._dropped: set[bytes] = set()
-        self._heard = self._free_from = 0.0
-        self._progress = Progress() if in_order and self._size else None
+        self._free_from = 0.0
+        in_order = in_order and self._size > 0
+        self._known = Accepted(lead=LEAD if in_order else 0)
+        self._progress = Progress(self._known.last) if in_order else None
+        self.accepted = ctypes.addressof(self._known)
 
     def admits(self, writer: bytes, raw: memoryview) -> bool:
-        """Whether a message is accepted. A message without a header is: its reader refuses it."""
+        """Whether a message is accepted. One of another length is: its reader refuses it."""
+        known, now = self._known, time.monotonic()
         if writer != self.writer:
             if self.writer:
-                live = time.monotonic() < self._heard + _ALIVE
-                if live and len(self._dropped) < _MOST_DROPPED:
+                if now < known.heard + _ALIVE and len(self._dropped) < _MOST_DROPPED:
                     self._dropped.add(writer)
                 return False
-            if writer in self._dropped and time.monotonic() < self._free_from:
+            if writer in self._dropped and now < self._free_from:
                 return False
         if len(raw) < self._size:
-            return True
-        progress = self._progress
-        if progress is not None:
-            episode, seq = place(raw)
-            if not progress.goes_on(episode, seq):
-                self.refused = progress.refusal(episode, seq)
-                if self.refused:
-                    return False
-            elif self.refused:
-                self.refused = ""
+            return len(raw) >= HEADER_SIZE
+        if self._progress is not None:
+            self.refused = self._progress.refusal(*place(raw))
+            if self.refused:
+                known.usual = False
+                return False
         if not self.writer:
             self.writer = writer
-        self._heard = time.monotonic()
+            known.writer[:] = writer
+        known.usual, known.heard = True, now
         return True
 
     def release(self) -> None:
         """Forget the writer, which is gone: the next message of another one binds."""
         self.writer = b""
+        self._known.usual = False
         self._free_from = time.monotonic() + RETURN_TIME
         if self._progress is not None:
             self._progress.restart()
