@@ -10,11 +10,12 @@ from closed_loop import PERIOD, Robot
 from robot_states import leg_joints
 
 from cassie_control.errors import SensorError
-from cassie_control.estimator.choice import make_estimator
+from cassie_control.estimator.choice import make_estimator, make_monitored
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import Sensors
+from cassie_msgs.tunables import entries, replace_checked
 from cassie_sim.plant import Plant, PlantConfig
 
 
@@ -218,3 +219,22 @@ def test_weight_that_the_gantry_carries_is_not_made_up_for(estimator):
     robot.estimator = estimator()
     robot.run(4.0)
     assert robot.state.foot_force.sum() < 0.1 * WEIGHT
+
+
+@pytest.mark.parametrize("kind", ESTIMATORS)
+@pytest.mark.parametrize(
+    "entry", [e for e in entries(EstimatorConfig()) if e.spec.live], ids=lambda entry: entry.name
+)
+def test_a_live_parameter_takes_effect_in_a_running_estimator(kind, entry):
+    """The sensor monitor kept the delay of the IMU's orientation with which it was made."""
+    before = EstimatorConfig(estimator=kind)
+    after = replace_checked(before, **{entry.name: entry.spec.high})
+    running = make_monitored(before, PERIOD)
+    running.config = after
+
+    def numbers(estimator):
+        limits, core = estimator._monitor._limits, estimator.core
+        filters = [vars(core)[name] for name in ("_filter", "_noise") if name in vars(core)]
+        return [record.records.tobytes() for record in (limits, core._body, *filters)]
+
+    assert numbers(running) == numbers(make_monitored(after, PERIOD))

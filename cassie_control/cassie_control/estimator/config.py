@@ -44,7 +44,9 @@ class FilterConfig:
     error_time: float = tunable(
         10.0, "s", 0.01, 1000.0, "Correlation time of the errors of the IMU's own attitude"
     )
-    attitude_delay: float = tunable(0.002, "s", 0.0, 0.05, "Delay of the IMU's orientation")
+    attitude_delay: float = tunable(
+        0.002, "s", 0.0, 0.05, "Delay of the IMU's orientation", live=False
+    )
     slip_gate: float = tunable(
         3.0,
         "",
