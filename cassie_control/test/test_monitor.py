@@ -218,6 +218,16 @@ def test_without_position_and_velocity_of_a_joint_there_is_no_estimate(walked_fa
         core.step(sample)
 
 
+@pytest.mark.parametrize("axis", range(3))
+def test_without_orientation_and_an_axis_of_the_gyro_both_are_named(walked_faithful, axis):
+    core, sample = monitored(), Sensors()
+    sample.load(walked_faithful.moments[1250].sample)
+    core.step(sample)
+    sample.orientation[:] = sample.angular_velocity[axis] = np.nan
+    with pytest.raises(SensorError, match=rf"orientation \(IMU\), angular_velocity.{axis}"):
+        core.step(sample)
+
+
 def test_a_toe_has_two_encoders(walked_faithful):
     core, sample = monitored(), Sensors()
     for moment in walked_faithful.moments[1250:1400]:

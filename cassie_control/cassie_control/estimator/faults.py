@@ -444,7 +444,7 @@ class SensorMonitor:
 
 
 def _mask(position: BoolArray, velocity: BoolArray, acceleration: BoolArray) -> int:
-    """Bits of channels in the order of `channels`; the orientation is that of the first axis.
+    """Bits of channels in the order of `channels`; the orientation counts with any of its axes.
 
     Args:
         position, velocity: Whether these channels of each pair count. Shape (19,).
@@ -452,7 +452,7 @@ def _mask(position: BoolArray, velocity: BoolArray, acceleration: BoolArray) -> 
     """
     flags = np.concatenate(
         [
-            position[FIRST_IMU_AXIS : FIRST_IMU_AXIS + 1],
+            [position[IMU_PAIRS].any()],
             velocity[IMU_PAIRS],
             acceleration,
             position[DRIVE_PAIRS],
