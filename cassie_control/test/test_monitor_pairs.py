@@ -1,4 +1,4 @@
-"""Of a position and a velocity that do not go together the right one is named, and in time."""
+"""Of a position and a velocity that disagree the faulty one is named, and in time."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from supervised import WALK
 
 from cassie_control.errors import SensorError
 from cassie_control.estimator.pairs import (
+    JOINT_FILTER_DELAY,
     PAIRS,
     P,
     Pair,
@@ -233,3 +234,13 @@ def test_the_filters_of_velocities_are_expected(noise, filters, rate):
     expected = np.convolve(steps, weights)[: len(steps)]
     error = np.abs(expected - turns)[len(turns) // 2 :].max()
     assert error < (0.04 if rate > 250 else 0.06) * np.abs(turns).max()
+
+
+def test_the_delay_of_the_joints_velocity_filter_is_that_of_the_filter():
+    """Of the velocity's response (g - g D s) to a position's rate, at low frequency."""
+    forward, back = JOINT_VELOCITY_FILTER
+    s = 2j * np.pi * 0.01
+    z = np.exp(-s / ENCODER_RATE)
+    response = sum(b * z**k for k, b in enumerate(forward))
+    response /= s * (1.0 + sum(a * z**k for k, a in enumerate(back, 1)))
+    assert -np.angle(response) / s.imag == pytest.approx(JOINT_FILTER_DELAY, abs=1e-6)

@@ -4,67 +4,29 @@ from __future__ import annotations
 
 import math
 
-from cassie_control.estimator.pairs import SPIKE_TIME
+from cassie_control.estimator import pairs
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
+from cassie_gaits.names import DRIVES, HIP_PITCH, HIP_ROLL, KNEE, LEG_DRIVE_COUNT
 from cassie_gaits.records import FloatArray, IntArray, Record, array, whole
 from cassie_gaits.vectors import Vector, cross, dot, minus
 
 DELAYS = (0.02, 0.03, 0.04)
 """Delays that are tested; delays close to one of these fit it better than no delay. In s."""
 
-_HISTORY_TICKS = 192  # in `Accelerometer.expected_history`: above the longest of `DELAYS` at 2 kHz
+_HISTORY_TICKS = 161  # in `Accelerometer.expected_history`: now and the longest delay, at 4 kHz
 
 _MEASURED, _EXPECTED, _ANGULAR = 0, 1, 2  # signals of `Accelerometer.low_passed`
 _FAST, _SLOW = 0, 1  # its low-passes; their difference is the band-passed signal
-_FAST_TIME, _SLOW_TIME = 0.003, 0.02  # s, their time constants
 
-_SPIKE_COUNT_LIMIT = 3.0  # bouncing soles stay below it
-_SHOCK_RATIO = 0.05  # of the other two axes' sum to a spike, from which the robot has a shock
-_FROZEN_TIME = 0.016  # s for which a noisy signal does not keep its bits; a delay begins like this
-
-_STANCE_FORCE_RATIO = 0.5  # of the feet's force to the weight: threshold of standing
-_STANCE_TIME = 0.3  # s, time constant of `Accelerometer.stance_share`
-_STANCE_SHARE = 0.75  # of time with standing, from which the expected acceleration is known
-
-_MAX_LATENCY = 0.006  # s by which torques may act later than they are measured
-_LATENCY_STEP = 0.002  # s, between the latencies that are tested
-
-_POWER_TIME = 0.2  # s, time constant of `Accelerometer.power`
-_MODEL_ERROR = 0.5  # share of the expected power: variance of the model's error
-_NOISE_VARIANCE = 0.4  # (m/s^2)^2
-_ALLOWANCE = 0.1  # normalised squared residuals by which a delay must fit better
-_DELAY_ERROR_WEIGHT = 2.0  # of the residual that a delay leaves: a push fits neither hypothesis
-_SATURATION_RATIO = 2.0  # to `AccelerometerLimits.delay_sum`: saturation of each cumulative sum
-
-_IMPACT_RESIDUAL = 4.0  # normalised squared residual of every delay, from which it is an impact
-_IMPACT_TIME = 0.1  # s for which the legs' response to an impact may look like a delay
-
-_LOAD_TIME = 5.0  # s, time constant with which the estimate of a load is forgotten
-_NO_LOAD_PRIOR = 5.0  # s/m^2, information that there is no load: that of some 15 ms of walking
-
-# Coefficients of the pelvis's acceleration, rows forward, sideways and up: the left leg's force
-# times its lean forward and sideways, the force (1/kg), torques of hip pitch, knee (1/(kg m)), ...
-_FORCE_COEFFICIENTS = (
-    (0.0411, 0.0, 0.0082, 0.0, -0.0254),
-    (0.0, 0.0342, 0.0, 0.0, 0.0),
-    (0.0, 0.0, 0.0339, -0.0611, -0.0152),
-)
-# ... the angular accelerations of its hip roll, yaw and pitch, and those of the pelvis (m).
-_HIP_COEFFICIENTS = ((0.0, 0.0065, -0.0145), (-0.0321, 0.0, 0.0), (0.0, 0.0, -0.0084))
-_PELVIS_COEFFICIENTS = ((0.0, -0.0267, 0.0), (0.0454, 0.0, 0.0443), (0.0, 0.0, 0.0))
-_MIN_HEIGHT = 0.4  # m
-
-_LEG_DRIVES, _HIP_PITCH, _KNEE = 5, 2, 3  # number of a leg's drives; indices among them
-_GYRO = 10  # index of the gyro's first axis in `Accelerometer.velocities`
-_SIDEWAYS = 1  # axis of the pelvis
+_GYRO = len(DRIVES)  # index of the gyro's first axis in `Accelerometer.velocities`
 
 
 class Accelerometer(Record):
     """State of the accelerometer's fault detection; the last index is the axis, if there is one.
 
     Attributes:
-        measured: Last measurements, newest first. In m/s^2.
+        measured: Last three measurements, newest first. In m/s^2.
         unchanged_ticks: Ticks for which the axis has had the same bits.
         spike_counts: Decaying count of spikes.
         low_passed: Signals after a fast and a slow low-pass: measured, expected, and the pelvis's
@@ -95,33 +57,33 @@ class Accelerometer(Record):
     rejected_for: FloatArray = array(3)
     stance_share: float
     impact_time: float
-    velocities: FloatArray = array(3, 13)
+    velocities: FloatArray = array(3, len(DRIVES) + 3)
     expected: FloatArray = array(3)
 
 
-class AccelerometerLimits(Record):
-    """Limits of a healthy accelerometer.
-
-    Attributes:
-        period: Time between samples. In s.
-        hold_time: Time for which an axis stays rejected after its last fault. In s.
-        acceleration: Largest acceleration. In m/s^2.
-        spike: Threshold of a spike. In m/s^2.
-        delay_sum: Threshold of the cumulative sums from which an axis is delayed. In s.
-        weight: Weight of the robot. In N.
-    """
-
-    period: float
-    hold_time: float
-    acceleration: float
-    spike: float
-    delay_sum: float
-    weight: float
-
-    def __init__(self, period: float, hold_time: float) -> None:
-        """Limits of the nominal robot, at a period between samples and a hold time in s."""
-        limits = {"acceleration": 300.0, "spike": 6.0, "delay_sum": 0.019}
-        super().__init__(period, hold_time, weight=robot.WEIGHT, **limits)
+# Fitted to walks, see DECISIONS.md. The rows are the pelvis's acceleration forward, to the left and
+# up. The causes are those of the left leg; on the right leg everything to the left has its sign
+# changed. The lean is how far the pelvis is ahead of the foot, or to its left, over the height.
+_FORCE_COEFFICIENTS = (
+    # force x lean forward, force x lean left, force (1/kg); hip pitch, knee torque (1/(kg m))
+    (0.0411, 0.0, 0.0082, 0.0, -0.0254),
+    (0.0, 0.0342, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.0339, -0.0611, -0.0152),
+)
+_HIP_COEFFICIENTS = (
+    # angular accelerations of hip roll, hip yaw, hip pitch (m)
+    (0.0, 0.0065, -0.0145),
+    (-0.0321, 0.0, 0.0),
+    (0.0, 0.0, -0.0084),
+)
+_PELVIS_COEFFICIENTS = (
+    # angular accelerations of the pelvis about its axes (m)
+    (0.0, -0.0267, 0.0),
+    (0.0454, 0.0, 0.0443),
+    (0.0, 0.0, 0.0),
+)
+_LEFTWARD = 1  # row of these tables
+_MIN_HEIGHT = 0.4  # m, of the pelvis over a foot that carries
 
 
 @compiled
@@ -130,8 +92,9 @@ def acceleration_by_legs(
 ) -> None:
     """Acceleration that the legs' forces and the drives' torques give the pelvis.
 
-    A leg's force points along the leg; hip and knee transmit it to the pelvis. The part that
-    accelerates the legs themselves is not included, see `predict_acceleration`.
+    A leg's force points along the leg; hip and knee transmit it to the pelvis. It is the sum of
+    `_FORCE_COEFFICIENTS` times causes over both legs. The part that accelerates the legs themselves
+    is not included, see `predict_acceleration`.
 
     Args:
         torques: Torques of the ten drives. Shape (10,), in Nm.
@@ -144,9 +107,10 @@ def acceleration_by_legs(
     for i in range(2):
         side = 1.0 if i == 0 else -1.0  # the right leg is the mirror image of the left
         lean = forces[i] / min(feet[i, 2], -_MIN_HEIGHT)
-        hip_pitch, knee = torques[_LEG_DRIVES * i + _HIP_PITCH], torques[_LEG_DRIVES * i + _KNEE]
+        first = LEG_DRIVE_COUNT * i
+        hip_pitch, knee = torques[first + HIP_PITCH], torques[first + KNEE]
         causes = lean * feet[i, 0], side * lean * feet[i, 1], forces[i], hip_pitch, knee
-        for j in range(5):
+        for j in range(len(causes)):
             acceleration[0] += _FORCE_COEFFICIENTS[0][j] * causes[j]
             acceleration[1] += side * _FORCE_COEFFICIENTS[1][j] * causes[j]
             acceleration[2] += _FORCE_COEFFICIENTS[2][j] * causes[j]
@@ -157,33 +121,39 @@ def predict_acceleration(accelerometer: Accelerometer, by_legs: FloatArray, peri
     """Acceleration that the accelerometer must have measured one sample ago, without constants.
 
     Newton's law: the legs' forces on the pelvis (`acceleration_by_legs`), less the part that
-    accelerates the legs, plus the pelvis's angular acceleration times the IMU's offset from its
-    middle. The coefficients were fitted to walks; they hold for changes within a step (8 to 50 Hz).
-    DECISIONS.md has the variance that they leave unexplained.
+    accelerates the legs (`_HIP_COEFFICIENTS`), plus the pelvis's angular acceleration times the
+    IMU's offset from its middle (`_PELVIS_COEFFICIENTS`). The coefficients hold for changes within
+    a step (8 to 50 Hz). DECISIONS.md has the variance that they leave unexplained.
 
     Args:
         accelerometer: `velocities` are of this sample and of two before; `expected` is the result.
         by_legs: Acceleration one sample ago from `acceleration_by_legs`. Shape (3,), in m/s^2.
         period: Time between samples. In s.
     """
-    v, per_time, right_leg = accelerometer.velocities, 0.5 / period, _LEG_DRIVES
+    v, per_time = accelerometer.velocities, 0.5 / period  # of central differences
     for k in range(3):
         accelerometer.expected[k] = by_legs[k]
-        for j in range(3):
-            right = v[0, right_leg + j] - v[2, right_leg + j]
-            if j != _HIP_PITCH:
+        for j in range(HIP_ROLL, HIP_PITCH + 1):
+            right = v[0, LEG_DRIVE_COUNT + j] - v[2, LEG_DRIVE_COUNT + j]
+            if j != HIP_PITCH:
                 right = -right  # roll and yaw of the right leg are mirrored
             left = v[0, j] - v[2, j]
-            hips = left - right if k == _SIDEWAYS else left + right
+            hips = left - right if k == _LEFTWARD else left + right
             pelvis = v[0, _GYRO + j] - v[2, _GYRO + j]
             accelerometer.expected[k] += _HIP_COEFFICIENTS[k][j] * per_time * hips
             accelerometer.expected[k] += _PELVIS_COEFFICIENTS[k][j] * per_time * pelvis
 
 
+_STANCE_FORCE_RATIO = 0.5  # of the feet's force to the nominal weight: threshold of standing
+_STANCE_TIME = 0.3  # s, time constant of `Accelerometer.stance_share`
+_MIN_STANCE_SHARE = 0.75  # from which the expected acceleration is known: in steps, not in a gantry
+
+
 @compiled
 def check_accelerometer(
     accelerometer: Accelerometer,
-    limits: AccelerometerLimits,
+    dt: float,
+    hold_time: float,
     ticks: int,
     force: float,
     others_accepted: bool,
@@ -192,49 +162,54 @@ def check_accelerometer(
 
     Args:
         accelerometer: Changed in place.
-        limits: Limits of a healthy accelerometer.
+        dt: Time between samples. In s.
+        hold_time: Time for which an axis stays rejected after its last fault. In s.
         ticks: Ticks since the start.
         force: Sum of both feet's forces. In N.
         others_accepted: Whether all sensors behind the expected acceleration are accepted.
     """
-    dt = limits.period
-    standing = 1.0 if force > _STANCE_FORCE_RATIO * limits.weight else 0.0
+    standing = 1.0 if force > _STANCE_FORCE_RATIO * robot.WEIGHT else 0.0
     accelerometer.impact_time = max(0.0, accelerometer.impact_time - dt)
     gain = 1.0 - math.exp(-dt / _STANCE_TIME)
     accelerometer.stance_share += gain * (standing - accelerometer.stance_share)
     # In a gantry the expected acceleration is wrong, and a cable that slackens looks like spikes.
-    stands = accelerometer.stance_share > _STANCE_SHARE
+    stands = accelerometer.stance_share > _MIN_STANCE_SHARE
     expected_known = others_accepted and stands
     _update_low_passed(accelerometer, dt, ticks)
     all_accepted = expected_known
     for k in range(3):
         accelerometer.rejected_for[k] = max(0.0, accelerometer.rejected_for[k] - dt)
-        faulty = _violates_limits(accelerometer, limits, k, stands)
-        delayed = _is_delayed(accelerometer, limits, ticks, k)
+        faulty = _violates_limits(accelerometer, dt, k, stands)
+        delayed = _is_delayed(accelerometer, dt, ticks, k)
         if not expected_known:
             accelerometer.delay_sums[:, k] = 0.0
         if faulty or (delayed and expected_known):
-            accelerometer.rejected_for[k] = limits.hold_time
+            accelerometer.rejected_for[k] = hold_time
         all_accepted = all_accepted and accelerometer.rejected_for[k] == 0.0
     if all_accepted:
         _estimate_load(accelerometer, dt)
 
 
+_MAX_ACCELERATION = 300.0  # m/s^2, about twice the range of a VN-100
+_FROZEN_TIME = 0.016  # s for which a noisy signal does not keep its bits; a delay begins like this
+_MIN_SPIKE = 6.0  # m/s^2, deviation of one sample from the line of its neighbours
+_SHOCK_RATIO = 0.05  # of the other two axes' sum to a spike, from which the robot has a shock
+_SPIKE_COUNT_LIMIT = 3.0  # exceeded by four spikes within 25 ms; bouncing soles stay below it
+
+
 @compiled
-def _violates_limits(
-    accelerometer: Accelerometer, limits: AccelerometerLimits, k: int, stands: bool
-) -> bool:
+def _violates_limits(accelerometer: Accelerometer, dt: float, k: int, stands: bool) -> bool:
     """Whether axis k is out of range, is frozen, or has spikes while the robot stands or walks."""
-    dt, a = limits.period, accelerometer.measured
+    a = accelerometer.measured
     unchanged_ticks, spike_counts = accelerometer.unchanged_ticks, accelerometer.spike_counts
     unchanged_ticks[k] = unchanged_ticks[k] + 1 if a[0, k] == a[1, k] else 0
-    spike_counts[k] *= math.exp(-dt / SPIKE_TIME)
+    spike_counts[k] *= math.exp(-dt / pairs.SPIKE_TIME)
     deviation = _deviation(a, k)
     # A step, as where a push begins or ends, is no spike.
-    threshold = max(limits.spike, abs(a[0, k] - a[2, k]))
+    threshold = max(_MIN_SPIKE, abs(a[0, k] - a[2, k]))
     if stands and deviation > threshold and _is_on_one_axis(a, k, deviation):
         spike_counts[k] += 1.0
-    out_of_range = not abs(a[0, k]) <= limits.acceleration  # NaN compares false
+    out_of_range = not abs(a[0, k]) <= _MAX_ACCELERATION  # NaN compares false
     frozen = dt * unchanged_ticks[k] > _FROZEN_TIME - 0.5 * dt
     return out_of_range or frozen or spike_counts[k] > _SPIKE_COUNT_LIMIT
 
@@ -254,6 +229,9 @@ def _is_on_one_axis(a: FloatArray, k: int, deviation: float) -> bool:
         if i != k and math.isfinite(a[0, i] + a[1, i] + a[2, i]):
             others += _deviation(a, i)
     return others < _SHOCK_RATIO * deviation
+
+
+_FAST_TIME, _SLOW_TIME = 0.003, 0.02  # s, time constants: 8 and 53 Hz bound the band
 
 
 @compiled
@@ -281,11 +259,19 @@ def _band_passed(accelerometer: Accelerometer, signal: int) -> Vector:
     return fast[0] - slow[0], fast[1] - slow[1], fast[2] - slow[2]
 
 
+_MODEL_ERROR = 0.5  # share of the expected power: variance of the model's error
+_NOISE_VARIANCE = 0.4  # (m/s^2)^2
+
+
 @compiled
 def _residual_variance(accelerometer: Accelerometer, k: int) -> float:
-    """Variance of the residual of a healthy axis k, in (m/s^2)^2."""
+    """Variance of the residual of a healthy axis k, in (m/s^2)^2: of model and noise."""
     variance: float = _MODEL_ERROR * accelerometer.power[k] + _NOISE_VARIANCE
     return variance
+
+
+_LOAD_TIME = 5.0  # s, time constant with which the estimate of a load is forgotten
+_NO_LOAD_PRIOR = 5.0  # s/m^2, information that there is no load: that of some 15 ms of walking
 
 
 @compiled
@@ -337,15 +323,34 @@ def _load_jacobian_row(angular: Vector, k: int) -> Vector:
     return angular[1], -angular[0], 0.0
 
 
+_POWER_TIME = 0.2  # s, time constant of `Accelerometer.power`
+_MAX_LATENCY = 0.006  # s by which torques may act later than they are measured
+_IMPACT_RESIDUAL = 4.0  # normalised squared residual of every delay, from which it is an impact
+_IMPACT_TIME = 0.1  # s for which the legs' response to an impact may look like a delay
+_DELAY_ERROR_WEIGHT = 2.0  # of the residual that a delay leaves: a push fits neither hypothesis
+_ALLOWANCE = 0.1  # normalised squared residuals by which a delay must fit better
+_DELAY_SUM = 0.019  # s, threshold of the sums: healthy sensors reach 0.88 of it, see DECISIONS.md
+_MAX_DELAY_SUM = 2.0 * _DELAY_SUM  # s, saturation of the sums
+
+
 @compiled
-def _is_delayed(
-    accelerometer: Accelerometer, limits: AccelerometerLimits, ticks: int, k: int
-) -> bool:
+def _is_delayed(accelerometer: Accelerometer, dt: float, ticks: int, k: int) -> bool:
     """Whether axis k, by enough evidence, follows the expected acceleration with a delay.
 
-    Cumulative sum test for each of `DELAYS`, as in `pairs`.
+    Cumulative sum test for each delay D of `DELAYS`, as in `pairs`. With the normalised squared
+    residual e(D) = min(1, (measured - expected D ago)^2 / sigma^2), the sum grows by
+
+        dt (least of e(0) to e(_MAX_LATENCY) - _DELAY_ERROR_WEIGHT e(D) - _ALLOWANCE)
+
+    and stays between 0 and `_MAX_DELAY_SUM`.
+
+    Args:
+        accelerometer: Changed in place.
+        dt: Time between samples. In s.
+        ticks: Ticks since the start.
+        k: Axis.
     """
-    dt, history = limits.period, accelerometer.expected_history
+    history = accelerometer.expected_history
     measured = _band_passed(accelerometer, _MEASURED)[k]
     angular = _band_passed(accelerometer, _ANGULAR)
     by_load = dot(_load_jacobian_row(angular, k), accelerometer.load)
@@ -370,16 +375,31 @@ def _is_delayed(
         if accelerometer.impact_time > 0.0:
             increase = min(0.0, increase)
         total = max(0.0, accelerometer.delay_sums[j, k] + dt * increase)
-        accelerometer.delay_sums[j, k] = min(_SATURATION_RATIO * limits.delay_sum, total)
-        delayed = delayed or total > limits.delay_sum
+        accelerometer.delay_sums[j, k] = min(_MAX_DELAY_SUM, total)
+        delayed = delayed or total > _DELAY_SUM
     return delayed
+
+
+_LATENCY_STEP = 0.002  # s, between the delays over which the residual is minimised
 
 
 @compiled
 def _least_squared_residual(
     accelerometer: Accelerometer, ticks: int, dt: float, k: int, measured: float, longest: float
 ) -> float:
-    """Least squared residual (m^2/s^4) of axis k over all delays from 0 to `longest` (s)."""
+    """Least squared residual of axis k over all delays from 0 to `longest`.
+
+    Args:
+        accelerometer: Has the expected accelerations.
+        ticks: Ticks since the start.
+        dt: Time between samples. In s.
+        k: Axis.
+        measured: Band-passed measurement. In m/s^2.
+        longest: Longest delay. In s.
+
+    Returns:
+        In (m/s^2)^2.
+    """
     least, delay = math.inf, 0.0
     while delay < longest + 0.5 * dt:
         delay_ticks = int(delay / dt + 0.5)

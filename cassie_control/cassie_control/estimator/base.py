@@ -12,27 +12,21 @@ from cassie_control.finite import LARGEST, check
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, both_legs
+from cassie_gaits.names import LEG_DRIVE_COUNT, LEG_SENSED_JOINTS, SHIN, TOE, TOE_DRIVE
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import cross, is_within, minus, plus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_FIRST_SCALE_TIME, _LAST_SCALE_TIME = 0.4, 6.0  # s, time constant of `Body.force_scale`
-_STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
-_STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
-_STANCE_SHARE = 0.5  # of time with standing, from which the forces are scaled
-_MIN_SCALE, _MAX_SCALE = 0.7, 1.4  # of the springs' force: springs +-20 %, mass +-10 %
-
 
 class Body(Record):
     """Data of the robot that every estimator uses.
-
-    Attributes with the name of a field of `EstimatorConfig` come from that field.
 
     Attributes:
         period: Time between samples. In s.
         mass: Mass of the robot. In kg.
         pelvis_moment: Mass times centre of mass of the pelvis. In kg m.
         imu_position: Position of the IMU in the pelvis. In m.
+        load_from, load_span, contact_force, contact_width, height_bandwidth: See `EstimatorConfig`.
         toe_torques: Torques of the toes in the last sample. In Nm.
         attitude: IMU to world, as measured by the IMU in the last sample.
         imu_to_soles: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
@@ -62,10 +56,6 @@ class Body(Record):
     airborne_time: float
 
 
-_MAX_LOG_ODDS = 50.0  # against contact, so that the exponential does not overflow
-_MIN_COS_PITCH = 0.05  # at such a pitch the robot has fallen
-
-
 @compiled
 def update_legs(
     samples: RecordArray, states: RecordArray, leg_pairs: Records[LegPair], bodies: Records[Body]
@@ -82,7 +72,7 @@ def update_legs(
     _copy_from_sample(samples, states)
     joints, rates, up = state.q[6:].reshape(2, 7), state.v[6:].reshape(2, 7), body.attitude[2]
     _order_joints(sample, joints, rates, body)
-    rotation_of(sample.orientation, body.attitude)
+    _rotation_of(sample.orientation, body.attitude)
     both_legs(joints, rates, body.toe_torques, up, legs)
     for i in range(2):
         for k in range(3):
@@ -101,7 +91,7 @@ def complete_state(state: RobotState, legs: LegPair, body: Body, rotation: Float
         body: Data of the robot.
         rotation: Pelvis to world. Shape (3, 3).
     """
-    euler_angles(rotation, state.angular_velocity, state.q[3:6], state.v[3:6])
+    _euler_angles(rotation, state.angular_velocity, state.q[3:6], state.v[3:6])
     _compute_com(state, legs, body, rotation)
 
 
@@ -140,9 +130,12 @@ def _copy_from_sample(samples: RecordArray, states: RecordArray) -> None:
     state.wall_paced, state.operator_lease = sample.wall_paced, sample.operator_lease
 
 
+_LEG_SENSED_JOINT_COUNT = len(LEG_SENSED_JOINTS)
+
+
 @compiled
 def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: Body) -> None:
-    """Measurements of drives and joints in the order along each leg.
+    """Measurements of drives and joints in the order along each leg; the toe's are its drive's.
 
     Args:
         sample: Has the measurements.
@@ -150,15 +143,25 @@ def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: 
         body: Gets the toes' torques.
     """
     for i in range(2):
-        for k in range(4):
-            joints[i, k] = sample.drive_position[5 * i + k]
-            rates[i, k] = sample.drive_velocity[5 * i + k]
-        for k in range(2):
-            joints[i, 4 + k] = sample.joint_position[3 * i + k]
-            rates[i, 4 + k] = sample.joint_velocity[3 * i + k]
-        joints[i, 6] = sample.drive_position[5 * i + 4]
-        rates[i, 6] = sample.drive_velocity[5 * i + 4]
-        body.toe_torques[i] = sample.drive_torque[5 * i + 4]
+        drive, shin = LEG_DRIVE_COUNT * i, _LEG_SENSED_JOINT_COUNT * i
+        for k in range(SHIN):
+            joints[i, k] = sample.drive_position[drive + k]
+            rates[i, k] = sample.drive_velocity[drive + k]
+        for k in range(SHIN, TOE):
+            joints[i, k] = sample.joint_position[shin + k - SHIN]
+            rates[i, k] = sample.joint_velocity[shin + k - SHIN]
+        joints[i, TOE] = sample.drive_position[drive + TOE_DRIVE]
+        rates[i, TOE] = sample.drive_velocity[drive + TOE_DRIVE]
+        body.toe_torques[i] = sample.drive_torque[drive + TOE_DRIVE]
+
+
+_STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
+_STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
+_MIN_STANCE_SHARE = 0.5  # from which the scale is estimated
+_FIRST_SCALE_TIME = 0.4  # s, of `Body.force_scale_time`: a step, over which the error averages out
+_LAST_SCALE_TIME = 6.0  # s, of the same
+# Springs within 20 % and a mass within 10 % of the nominal ones give 0.9 / 1.2 to 1.1 / 0.8.
+_MIN_SCALE, _MAX_SCALE = 0.7, 1.4
 
 
 @compiled
@@ -168,7 +171,10 @@ def _scale_forces(
     """Forces of the feet, scaled so that on average they carry the robot's weight.
 
     Neither the springs' stiffness nor the mass is known to better than some ten percent. Averaged
-    over a step, the springs' force must equal the mass times the vertical specific force.
+    over a step, the springs' force N must equal the mass times the vertical specific force a. So
+    the scale k is an integral, with a time constant T that grows by the time on the feet:
+
+        k' = (m a - k (N_left + N_right)) / (m g T)
 
     Args:
         body: Data of the robot; its scale is updated.
@@ -183,7 +189,7 @@ def _scale_forces(
     # Else a gantry carries the robot, too.
     standing = 1.0 if spring_force > _STANCE_FORCE_RATIO * apparent_weight else 0.0
     body.stance_share += period / _STANCE_TIME * (standing - body.stance_share)
-    if body.stance_share > _STANCE_SHARE:
+    if body.stance_share > _MIN_STANCE_SHARE:
         body.force_scale_time = min(_LAST_SCALE_TIME, body.force_scale_time + period)
         error = apparent_weight - body.force_scale * spring_force
         body.force_scale += period / body.force_scale_time * error / (mass * robot.GRAVITY)
@@ -192,9 +198,15 @@ def _scale_forces(
         forces[i] = body.force_scale * springs[i]
 
 
+_MAX_LOG_ODDS = 50.0  # against contact, so that the exponential does not overflow
+
+
 @compiled
 def _update_foot_loads(body: Body, state: RobotState) -> None:
-    """Load and probability of contact of each foot, from its force."""
+    """Load and probability of contact of each foot, from its force F.
+
+    The load rises from 0 to 1 between two forces. The probability is 1 / (1 + exp((F_0 - F) / w)).
+    """
     for i in range(2):
         force = state.foot_force[i]
         state.foot_load[i] = max(0.0, min(1.0, (force - body.load_from) / body.load_span))
@@ -204,7 +216,7 @@ def _update_foot_loads(body: Body, state: RobotState) -> None:
 
 
 @compiled
-def rotation_of(orientation: FloatArray, rotation: FloatArray) -> None:
+def _rotation_of(orientation: FloatArray, rotation: FloatArray) -> None:
     """Rotation matrix of a quaternion.
 
     Args:
@@ -224,8 +236,11 @@ def rotation_of(orientation: FloatArray, rotation: FloatArray) -> None:
     rotation[2, 2] = 1.0 - scale * (x * x + y * y)
 
 
+_MIN_COS_PITCH = 0.05  # at such a pitch the robot has fallen
+
+
 @compiled
-def euler_angles(
+def _euler_angles(
     rotation: FloatArray, angular_velocity: FloatArray, angles: FloatArray, rates: FloatArray
 ) -> None:
     """Z-y-x Euler angles and their rates.
@@ -248,10 +263,6 @@ def euler_angles(
     rates[0] = scaled_yaw_rate / c_pitch
     rates[1] = c_roll * angular_velocity[1] - s_roll * angular_velocity[2]
     rates[2] = angular_velocity[0] + scaled_yaw_rate * math.sin(angles[1]) / c_pitch
-
-
-_LEAST_SQUARED_NORM, _LARGEST_SQUARED_NORM = 0.8, 1.2  # of the measured quaternion
-_CONFIGURED = ("load_from", "load_span", "contact_force", "contact_width", "height_bandwidth")
 
 
 class LegEstimator:
@@ -299,7 +310,7 @@ class LegEstimator:
 
     def _configure(self, config: EstimatorConfig) -> None:
         self._config = config
-        self._body.take(config, *_CONFIGURED)
+        self._body.take(config)
 
     def reset(self) -> None:
         """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
@@ -309,7 +320,7 @@ class LegEstimator:
         body.ground_height = body.airborne_time = 0.0
 
     def restart(self) -> None:
-        """Begin anew with the next sample, at rest; horizontal position and yaw are kept."""
+        """Begin anew with the next sample, at rest at this place; the yaw's full turns are kept."""
         x, y, yaw = self._state.q[[0, 1, 3]]
         self.reset()
         if math.isfinite(x + y + yaw):
@@ -343,10 +354,16 @@ class LegEstimator:
 
 
 @compiled
-def _squared_norm(quaternion: FloatArray) -> float:
-    a, b, c, d = quaternion
-    squared_norm: float = a * a + b * b + c * c + d * d
-    return squared_norm
+def squared_norm(q: FloatArray) -> float:
+    """Squared norm of a quaternion. Shape (4,)."""
+    total: float = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    return total
+
+
+@compiled
+def is_orientation(q: FloatArray) -> bool:
+    """Whether the norm of a measured quaternion is that of an orientation; false for NaN."""
+    return 0.9 < squared_norm(q) < 1.1
 
 
 def _check(sensors: Sensors) -> None:
@@ -354,7 +371,6 @@ def _check(sensors: Sensors) -> None:
     if not is_within(sensors.floats, LARGEST):
         # Estimation does not need the battery gauge, so its failure is no error.
         check(sensors, "sensor", SensorError, unused=("battery",))
-    squared_norm = _squared_norm(sensors.orientation)
-    if not _LEAST_SQUARED_NORM < squared_norm < _LARGEST_SQUARED_NORM:
-        norm = math.sqrt(squared_norm)
+    if not is_orientation(sensors.orientation):
+        norm = math.sqrt(squared_norm(sensors.orientation))
         raise SensorError(f"sensor orientation is a quaternion of length {norm:.3g}, must be 1")

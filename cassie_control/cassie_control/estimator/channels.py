@@ -18,8 +18,14 @@ CHANNELS: tuple[tuple[str, str], ...] = (
 )
 """Field of Sensors with its index, and the part that it measures, in the order of the bits."""
 
-ORIENTATION, GYRO, ACCELEROMETER, DRIVE_POSITION, DRIVE_VELOCITY = 0, 1, 4, 7, 17
-JOINT_POSITION, JOINT_VELOCITY, DRIVE_TORQUE = 27, 33, 39
+_FIELDS = [name.partition(".")[0] for name, _ in CHANNELS]
+
+ORIENTATION = _FIELDS.index("orientation")
+GYRO = _FIELDS.index("angular_velocity")
+ACCELEROMETER = _FIELDS.index("linear_acceleration")
+DRIVE_POSITION, DRIVE_VELOCITY = _FIELDS.index("drive_position"), _FIELDS.index("drive_velocity")
+JOINT_POSITION, JOINT_VELOCITY = _FIELDS.index("joint_position"), _FIELDS.index("joint_velocity")
+DRIVE_TORQUE = _FIELDS.index("drive_torque")
 """Bit of the first channel of each field."""
 
 ACCELEROMETER_BITS = 0b111 << ACCELEROMETER

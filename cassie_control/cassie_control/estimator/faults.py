@@ -15,12 +15,11 @@ from cassie_control.errors import SensorError
 from cassie_control.estimator import channels
 from cassie_control.estimator.acceleration import (
     Accelerometer,
-    AccelerometerLimits,
     acceleration_by_legs,
     check_accelerometer,
     predict_acceleration,
 )
-from cassie_control.estimator.base import LegEstimator
+from cassie_control.estimator.base import LegEstimator, is_orientation, squared_norm
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.estimator.pairs import (
     DRIVE_PAIRS,
@@ -43,6 +42,7 @@ from cassie_control.estimator.pairs import (
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import TORQUE_LIMITS
+from cassie_gaits.names import DRIVES, LEGS, SENSED_JOINTS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, part, whole
 from cassie_msgs.layout import RobotState, Sensors
 
@@ -50,10 +50,6 @@ BoolArray = npt.NDArray[np.bool_]
 
 ALL_ACCEPTED, CAME_TO_REST = 1, 2
 """Result bits of `check_sample`: all channels are accepted; the robot rests without power."""
-
-_MISALIGNMENT = 0.02  # rad, of orientation and gyro: a rotation then shows on the other axes
-_TORQUE_RATIO = 1.5  # to the drive's limit, which a wrong torque constant does not reach
-_LEAST_SQUARED_NORM, _LARGEST_SQUARED_NORM = 0.9, 1.1  # of a measured quaternion
 
 
 class MonitorState(Record):
@@ -80,11 +76,14 @@ class MonitorState(Record):
     measured_orientation: FloatArray = array(4)
     orientation: FloatArray = array(4)
     gyro_rotation: FloatArray = array(3)
-    torque_rejected_for: FloatArray = array(10)
+    torque_rejected_for: FloatArray = array(len(DRIVES))
     rest_time: float
     powered: int = whole()
     was_powered: int = whole()
     restart_due: int = whole()
+
+
+_TORQUE_RATIO = 1.5  # to the drive's limit, which a wrong torque constant does not reach
 
 
 class MonitorLimits(Record):
@@ -92,17 +91,15 @@ class MonitorLimits(Record):
 
     Attributes:
         pairs: Limits of the drives, joints and axes of the IMU.
-        accelerometer: Limits of the accelerometer's axes.
         period: Time between samples. In s.
         hold_time: Time for which a channel stays rejected after its last fault. In s.
         torque: Largest torque of each drive. In Nm.
     """
 
     pairs: Records[PairLimits] = part(PairLimits, PAIRS)
-    accelerometer: AccelerometerLimits = part(AccelerometerLimits)
     period: float
     hold_time: float
-    torque: FloatArray = array(10)
+    torque: FloatArray = array(len(DRIVES))
 
     def __init__(self, period: float, attitude_delay: float, hold_time: float) -> None:
         """Limits of Cassie.
@@ -114,7 +111,6 @@ class MonitorLimits(Record):
         """
         super().__init__(period=period, hold_time=hold_time)
         set_pair_limits(period, attitude_delay, hold_time, self.records["pairs"][0])
-        self.records["accelerometer"] = AccelerometerLimits(period, hold_time).records
         self.torque[:] = _TORQUE_RATIO * TORQUE_LIMITS
 
 
@@ -156,7 +152,9 @@ def check_sample(
         others_accepted = others_accepted and pair.rejected_for.max() <= 0.0
     _store_velocities(monitor)
     predict_acceleration(accelerometer, leg_acceleration, limits.period)
-    check_accelerometer(accelerometer, limits.accelerometer, monitor.ticks, force, others_accepted)
+    check_accelerometer(
+        accelerometer, limits.period, limits.hold_time, monitor.ticks, force, others_accepted
+    )
     monitor.ticks += 1
     all_accepted = others_accepted and accelerometer.rejected_for.max() <= 0.0
     result = ALL_ACCEPTED if all_accepted else 0
@@ -170,9 +168,9 @@ def check_sample(
 def _read_measurements(sample: Sensors, monitor: MonitorState) -> None:
     """Copy all measurements but the orientation."""
     pairs, acceleration = monitor.pairs, monitor.accelerometer.measured
-    for i in range(10):
+    for i in range(len(sample.drive_position)):
         pairs[i].position, pairs[i].velocity = sample.drive_position[i], sample.drive_velocity[i]
-    for i in range(6):
+    for i in range(len(sample.joint_position)):
         pair = pairs[FIRST_JOINT + i]
         pair.position, pair.velocity = sample.joint_position[i], sample.joint_velocity[i]
     for k in range(3):
@@ -186,8 +184,8 @@ def _read_measurements(sample: Sensors, monitor: MonitorState) -> None:
 def _store_velocities(monitor: MonitorState) -> None:
     """Store the outputs for drives and gyro, for the pelvis's expected acceleration."""
     v = monitor.accelerometer.velocities
-    for j in range(13):
-        pair = monitor.pairs[j if j < 10 else FIRST_IMU_AXIS + j - 10]
+    for j in range(v.shape[1]):
+        pair = monitor.pairs[j if j < FIRST_JOINT else FIRST_IMU_AXIS + j - FIRST_JOINT]
         velocity = pair.output[V] if math.isfinite(pair.output[V]) else v[0, j]
         v[2, j] = v[1, j] if monitor.ticks > 0 else velocity
         v[1, j] = v[0, j] if monitor.ticks > 0 else velocity
@@ -198,13 +196,15 @@ def _store_velocities(monitor: MonitorState) -> None:
 def _read_orientation(q: FloatArray, monitor: MonitorState) -> None:
     """Set the positions of the IMU's axes: the rotation since the start, NaN if the norm is wrong.
 
+    The rotation since the last sample, in axes of the IMU, is twice the vector part of
+    (last quaternion)^-1 x (this one), to first order in its angle.
+
     Args:
         q: Measured quaternion, x y z w. Shape (4,).
         monitor: Changed in place.
     """
     last, axes = monitor.measured_orientation, monitor.pairs[FIRST_IMU_AXIS:]
-    squared_norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
-    if not _LEAST_SQUARED_NORM < squared_norm < _LARGEST_SQUARED_NORM:  # NaN compares false
+    if not is_orientation(q):
         for axis in axes:
             axis.position = math.nan
         return
@@ -247,10 +247,13 @@ def _update_rest_time(monitor: MonitorState, limits: MonitorLimits, power: float
 def _check_torques(drive_torque: FloatArray, monitor: MonitorState, limits: MonitorLimits) -> None:
     """Reject torques that a drive cannot give; no other test of a torque exists."""
     rejected_for = monitor.torque_rejected_for
-    for i in range(10):
+    for i in range(len(rejected_for)):
         rejected_for[i] = max(0.0, rejected_for[i] - limits.period)
         if not abs(drive_torque[i]) <= limits.torque[i]:  # NaN compares false
             rejected_for[i] = limits.hold_time
+
+
+_MISALIGNMENT = 0.02  # rad, of orientation and gyro: a rotation then shows on the other axes
 
 
 @compiled
@@ -296,15 +299,17 @@ def _update_orientation(monitor: MonitorState, period: float, rejected: bool) ->
     q[1] = b + w * y + c * x - a * z
     q[2] = c + w * z + a * y - b * x
     q[3] = w - a * x - b * y - c * z
-    squared_norm = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    square = squared_norm(q)
     # The norm is 0 before the first orientation.
-    scale = 1.0 / math.sqrt(squared_norm) if squared_norm > 0.0 else 0.0
+    scale = 1.0 / math.sqrt(square) if square > 0.0 else 0.0
     for k in range(4):
         q[k] *= scale
 
 
-_MAX_GAP = 0.02  # s without an estimate, after which the last estimate is useless
-_TOE_DRIVES, _TOE_JOINTS = (4, 9), (12, 15)  # indices among the pairs, left and right
+_TOES = tuple(
+    (DRIVES.index(f"{leg}_toe"), FIRST_JOINT + SENSED_JOINTS.index(f"{leg}_toe")) for leg in LEGS
+)
+"""Pairs of the drive and the joint of each toe."""
 
 
 class SensorMonitor:
@@ -421,16 +426,19 @@ class SensorMonitor:
         position_rejected, velocity_rejected = self._rejected_for > 0.0
         acceleration_rejected = self._state.accelerometer.rejected_for > 0.0
         torque_rejected = self._state.torque_rejected_for > 0.0
-        self.mask = _mask(position_rejected, velocity_rejected, acceleration_rejected)
-        self.mask |= _bits(torque_rejected) << channels.DRIVE_TORQUE
+        self.mask = (
+            _pair_bits(position_rejected, velocity_rejected)
+            | _bits(acceleration_rejected, channels.ACCELEROMETER)
+            | _bits(torque_rejected, channels.DRIVE_TORQUE)
+        )
         both_rejected = position_rejected & velocity_rejected
         result.copy_from(sensors)
-        for drive, joint in zip(_TOE_DRIVES, _TOE_JOINTS, strict=True):
+        for drive, joint in _TOES:
             if both_rejected[drive] and not both_rejected[joint]:
                 position[drive], velocity[drive] = position[joint], velocity[joint]
                 both_rejected[drive] = False
             both_rejected[joint] = False
-        self.missing = _mask(both_rejected, both_rejected, np.zeros(3, bool))
+        self.missing = _pair_bits(both_rejected, both_rejected)
         result.drive_position[:] = position[DRIVE_PAIRS]
         result.drive_velocity[:] = velocity[DRIVE_PAIRS]
         result.joint_position[:] = position[JOINT_PAIRS]
@@ -443,30 +451,28 @@ class SensorMonitor:
         return result
 
 
-def _mask(position: BoolArray, velocity: BoolArray, acceleration: BoolArray) -> int:
-    """Bits of channels in the order of `channels`; the orientation counts with any of its axes.
+def _pair_bits(position: BoolArray, velocity: BoolArray) -> int:
+    """Bits of the channels of pairs; the orientation counts with any of its axes.
 
     Args:
         position, velocity: Whether these channels of each pair count. Shape (19,).
-        acceleration: Whether these axes of the accelerometer count. Shape (3,).
     """
-    flags = np.concatenate(
-        [
-            [position[IMU_PAIRS].any()],
-            velocity[IMU_PAIRS],
-            acceleration,
-            position[DRIVE_PAIRS],
-            velocity[DRIVE_PAIRS],
-            position[JOINT_PAIRS],
-            velocity[JOINT_PAIRS],
-        ]
+    return (
+        int(position[IMU_PAIRS].any()) << channels.ORIENTATION
+        | _bits(velocity[IMU_PAIRS], channels.GYRO)
+        | _bits(position[DRIVE_PAIRS], channels.DRIVE_POSITION)
+        | _bits(velocity[DRIVE_PAIRS], channels.DRIVE_VELOCITY)
+        | _bits(position[JOINT_PAIRS], channels.JOINT_POSITION)
+        | _bits(velocity[JOINT_PAIRS], channels.JOINT_VELOCITY)
     )
-    return _bits(flags)
 
 
-def _bits(flags: BoolArray) -> int:
-    """Number whose bits are the flags, the first one lowest."""
-    return sum(1 << k for k in np.flatnonzero(flags).tolist())
+def _bits(flags: BoolArray, first: int) -> int:
+    """Number whose bits are the flags, from bit `first` on."""
+    return sum(1 << first + k for k in np.flatnonzero(flags).tolist())
+
+
+_MAX_GAP = 0.02  # s without an estimate, after which the last estimate is useless
 
 
 class MonitoredEstimator:

@@ -13,10 +13,10 @@ from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
-from cassie_gaits.vectors import Vector, cross, turned
+from cassie_gaits.vectors import Vector, cross, minus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-SIZE = 21
+_SIZE = 21
 """Dimension of the filter's error: orientation, velocity, position, left and right contact, gyro
 and accelerometer bias, three of each."""
 
@@ -48,7 +48,7 @@ class FilterState(Record):
     origin: FloatArray = array(2)
     gyro_bias: FloatArray = array(3)
     accelerometer_bias: FloatArray = array(3)
-    covariance: FloatArray = array(SIZE, SIZE)
+    covariance: FloatArray = array(_SIZE, _SIZE)
     sole_rotations: FloatArray = array(2, 3, 3)
     ground_slope: float
     slip: FloatArray = array(2)
@@ -70,15 +70,11 @@ class FilterNoise(Record):
         kinematics: Variance of a foot's position from the pelvis. In m^2.
         tilt: Variance of the IMU's own roll and pitch, as white noise. In rad^2.
         heading: Variance of the IMU's own yaw, as white noise. In rad^2.
-        hanging_velocity: Velocity variance of a robot that does not touch the ground. In (m/s)^2.
+        hanging_velocity: Variance of the velocity of a robot that does not touch the ground, as
+            white noise. In (m/s)^2.
         slip_gate: Squared Mahalanobis distance beyond which a foot slips.
         slip_decay: Factor on `slip` over one period.
         attitude_delay: Delay of the IMU's orientation. In s.
-        sole_radius: Radius of the sole's round edge. In m.
-        sole_line: From the middle of the sole's centre line to its front, toe link. In m.
-        flat_sole_height: Height of a sole's end over the ground below which both ends touch. In m.
-        slope_time: Time constant with which a still foot shows the ground's slope. In s.
-        still_rate: Turn rate up to about which a foot counts as still. In rad/s.
     """
 
     period: float
@@ -96,15 +92,10 @@ class FilterNoise(Record):
     slip_gate: float
     slip_decay: float
     attitude_delay: float
-    sole_radius: float
-    sole_line: FloatArray = array(3)
-    flat_sole_height: float
-    slope_time: float
-    still_rate: float
 
 
-_SMALL_ANGLE = 1e-4  # rad
 _AIRBORNE_PROBABILITY = 0.5  # of contact, below which a foot is in the air
+_MAX_ORIGIN_DISTANCE = 10.0  # m, of the IMU from the filter's origin
 
 
 @compiled
@@ -149,16 +140,18 @@ def _step_filter(
     Args:
         sample: Means over the period, and the IMU's own orientation `attitude_delay` ago.
         contact: Probability of each foot's contact. Shape (2,).
-        legs, body, state, noise: See `estimate_pelvis`.
+        legs, body: See `estimate_pelvis`.
+        state: Changed in place.
+        noise: Parameters of the filter.
     """
     sole = np.empty((3, 3))
     _predict(state, noise, sample.angular_velocity, sample.linear_acceleration, contact)
     for i in range(2):
-        multiply(state.rotation, legs.states[i].foot_rotation, sole)
+        _multiply(state.rotation, legs.states[i].foot_rotation, sole)
         _roll_contact(state, noise, i, sole, contact[i])
         state.sole_rotations[i] = sole
     _correct_by_feet(state, noise, body.imu_to_soles)
-    correction = np.zeros(SIZE)
+    correction = np.zeros(_SIZE)
     _correct_by_attitude(state, noise, body.attitude, sample.angular_velocity, correction)
     contact_probability = max(contact[0], contact[1])
     if contact_probability < _AIRBORNE_PROBABILITY:
@@ -168,8 +161,11 @@ def _step_filter(
     _correct_state(state, noise, correction)
 
 
+_SMALL_ANGLE = 1e-4  # rad, below which sines and cosines are replaced by their series
+
+
 @compiled
-def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: FloatArray) -> None:
+def _exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: FloatArray) -> None:
     """Rotation by a vector, and the left Jacobian of SO(3) there. In rad."""
     square = x * x + y * y + z * z
     angle = math.sqrt(square)
@@ -194,8 +190,11 @@ def exponential(x: float, y: float, z: float, rotation: FloatArray, jacobian: Fl
 
 
 @compiled
-def small_rotation(before: FloatArray, after: FloatArray) -> Vector:
-    """Rotation vector between two near orientations (3, 3): skew part of after before^T."""
+def _small_rotation(before: FloatArray, after: FloatArray) -> Vector:
+    """Rotation vector (rad) from one orientation to a near one, from their matrices (3, 3).
+
+    It is the skew part of after before^T: the sine of the angle in place of the angle.
+    """
     x = y = z = 0.0
     for c in range(3):
         x += 0.5 * (after[2, c] * before[1, c] - after[1, c] * before[2, c])
@@ -205,7 +204,7 @@ def small_rotation(before: FloatArray, after: FloatArray) -> Vector:
 
 
 @compiled
-def multiply(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
+def _multiply(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
     """Product of two 3 x 3 matrices; `out` is neither of them."""
     for i in range(3):
         for j in range(3):
@@ -222,31 +221,38 @@ def _predict(
     specific_force: FloatArray,
     contact: FloatArray,
 ) -> None:
-    """Predict X over one period, by the IMU's measurements less their biases."""
+    """Predict X and P over one period, by the IMU's measurements less their biases.
+
+    Args:
+        state: Changed in place.
+        noise: Parameters of the filter.
+        angular_velocity: Measured mean. Shape (3,), in rad/s.
+        specific_force: Measured mean. Shape (3,), in m/s^2.
+        contact: Probability of each foot's contact. Shape (2,).
+    """
     dt = noise.period
-    bias = state.gyro_bias
-    w = (
-        dt * (angular_velocity[0] - bias[0]),
-        dt * (angular_velocity[1] - bias[1]),
-        dt * (angular_velocity[2] - bias[2]),
-    )
+    w = times(dt, minus(angular_velocity, state.gyro_bias))
     _predict_covariance(state, noise, contact)
     rotation, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    exponential(w[0], w[1], w[2], rotation, jacobian)
-    bias = state.accelerometer_bias
-    force = (
-        specific_force[0] - bias[0],
-        specific_force[1] - bias[1],
-        specific_force[2] - bias[2],
-    )
+    _exponential(w[0], w[1], w[2], rotation, jacobian)
+    force = minus(specific_force, state.accelerometer_bias)
     force = turned(state.rotation, turned(jacobian, force))
     velocity, position = state.vectors[_VELOCITY], state.vectors[_POSITION]
     for k in range(3):
         a = force[k] - (robot.GRAVITY if k == 2 else 0.0)
         position[k] += dt * (velocity[k] + 0.5 * dt * a)
         velocity[k] += dt * a
-    multiply(state.rotation, rotation, new)
+    _multiply(state.rotation, rotation, new)
     state.rotation[:] = new
+
+
+_TOE, _HEEL = robot.FOOT_CONTACTS
+_HALF_SOLE = (0.5 * (_TOE[0] - _HEEL[0]), 0.5 * (_TOE[1] - _HEEL[1]), 0.5 * (_TOE[2] - _HEEL[2]))
+"""From the middle of the sole's centre line to its toe end, in the toe link. In m."""
+
+_FLAT_SOLE_HEIGHT = 0.002  # m, of a sole's end over its middle, below which both ends touch
+_SLOPE_TIME = 0.1  # s, time constant with which a still, loaded foot shows the ground's slope
+_STILL_RATE = 0.3  # rad/s, at which a turning foot shows the slope half as fast
 
 
 @compiled
@@ -257,17 +263,24 @@ def _roll_contact(
 
     A sole that is not parallel to the ground stands on one end of its centre line, and on its round
     edge. The middle of the line, the contact point, moves by turn x (radius up - end).
+
+    Args:
+        state: Its contact, and the slope of the ground under a loaded foot, are changed.
+        noise: Parameters of the filter.
+        i: Left (0) or right (1) foot.
+        sole: Orientation of the toe link in the world. Shape (3, 3).
+        contact: Probability of the foot's contact.
     """
-    rotation = small_rotation(state.sole_rotations[i], sole)
-    line = turned(sole, noise.sole_line)
+    rotation = _small_rotation(state.sole_rotations[i], sole)
+    line = turned(sole, _HALF_SOLE)
     rise = line[2] - state.ground_slope * math.hypot(line[0], line[1])
-    end = max(-1.0, min(1.0, -rise / noise.flat_sole_height))
-    arm = (-end * line[0], -end * line[1], noise.sole_radius - end * line[2])
+    end = max(-1.0, min(1.0, -rise / _FLAT_SOLE_HEIGHT))
+    arm = (-end * line[0], -end * line[1], robot.SOLE_RADIUS - end * line[2])
     moved = cross(rotation, arm)
     for k in range(3):
         state.vectors[_CONTACTS + i, k] += moved[k]
-    relative_rate = math.hypot(rotation[0], rotation[1]) / (noise.period * noise.still_rate)
-    gain = contact**4 * noise.period / noise.slope_time / (1.0 + relative_rate * relative_rate)
+    relative_rate = math.hypot(rotation[0], rotation[1]) / (noise.period * _STILL_RATE)
+    gain = contact**4 * noise.period / _SLOPE_TIME / (1.0 + relative_rate * relative_rate)
     state.ground_slope += gain * (rise / math.hypot(line[0], line[1]))
 
 
@@ -281,7 +294,7 @@ def _predict_covariance(state: FilterState, noise: FilterNoise, contact: FloatAr
     _apply_transition(state, noise.period, P)
     _apply_transition(state, noise.period, P.T)
     _add_noise(state, noise, contact)
-    for i in range(SIZE):
+    for i in range(_SIZE):
         for j in range(i):
             P[i, j] = P[j, i] = 0.5 * (P[i, j] + P[j, i])
 
@@ -290,7 +303,7 @@ def _predict_covariance(state: FilterState, noise: FilterNoise, contact: FloatAr
 def _apply_transition(state: FilterState, dt: float, P: FloatArray) -> None:
     """P <- F P; the order of the rows is such that each one uses old values of the others."""
     R = state.rotation
-    for j in range(SIZE):
+    for j in range(_SIZE):
         gyro = turned(R, (dt * P[_BG, j], dt * P[_BG + 1, j], dt * P[_BG + 2, j]))
         force = turned(R, (dt * P[_BA, j], dt * P[_BA + 1, j], dt * P[_BA + 2, j]))
         for k in range(3):
@@ -308,7 +321,11 @@ def _apply_transition(state: FilterState, dt: float, P: FloatArray) -> None:
 
 @compiled
 def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> None:
-    """Q of one period: the gyro's noise sweeps all vectors about the world's origin."""
+    """Q of one period: the gyro's noise turns all vectors about the filter's origin.
+
+    The noise of a contact is that of its random walk: stance where it holds, swing where it does
+    not, and between them the geometric mean weighted by the probability.
+    """
     P, dt = state.covariance, noise.period
     sweep = np.zeros((_BG, 3))
     for k in range(3):
@@ -338,9 +355,15 @@ def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> N
 
 @compiled
 def _correct_by_feet(state: FilterState, noise: FilterNoise, feet: FloatArray) -> None:
-    """z = R h + p - d of each foot."""
+    """Correct by each foot's position from the legs: z = R h + p - d.
+
+    Args:
+        state: Changed in place.
+        noise: Parameters of the filter.
+        feet: Middle of each sole from the IMU, pelvis frame. Shape (2, 3), in m.
+    """
     P = state.covariance
-    correction, HP, z = np.zeros(SIZE), np.empty(SIZE), np.empty((2, 3))
+    correction, HP, z = np.zeros(_SIZE), np.empty(_SIZE), np.empty((2, 3))
     for i in range(2):
         arm = turned(state.rotation, feet[i])
         for k in range(3):
@@ -349,7 +372,7 @@ def _correct_by_feet(state: FilterState, noise: FilterNoise, feet: FloatArray) -
     for i in range(2):
         for k in range(3):
             p, d = _P + k, _D + 3 * i + k
-            for j in range(SIZE):
+            for j in range(_SIZE):
                 HP[j] = P[d, j] - P[p, j]
             innovation = z[i, k] - correction[d] + correction[p]
             _update(P, HP, HP[d] - HP[p] + noise.kinematics, innovation, correction)
@@ -370,16 +393,23 @@ def _update(
         correction: Correction by the measurements so far; changed in place. Shape (21,).
     """
     scale = 1.0 / variance
-    for i in range(SIZE):
+    for i in range(_SIZE):
         gain = scale * HP[i]
         correction[i] += gain * innovation
-        for j in range(SIZE):
+        for j in range(_SIZE):
             P[i, j] -= gain * HP[j]
 
 
 @compiled
 def _detect_slip(state: FilterState, noise: FilterNoise, i: int, z: FloatArray) -> None:
-    """Raise the contact's covariance where the innovation is an outlier for a still foot."""
+    """Raise the contact's covariance where the innovation is an outlier for a still foot.
+
+    Args:
+        state: Its slip, and the covariance of this contact, are changed.
+        noise: Parameters of the filter.
+        i: Left (0) or right (1) foot.
+        z: Innovation. Shape (3,), in m.
+    """
     P, d = state.covariance, _D + 3 * i
     S = np.empty((3, 3))
     for a in range(3):
@@ -407,8 +437,8 @@ def _correct_state(state: FilterState, noise: FilterNoise, correction: FloatArra
     IMU and resting feet.
     """
     rotation, jacobian, new = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    exponential(correction[0], correction[1], correction[2], rotation, jacobian)
-    multiply(rotation, state.rotation, new)
+    _exponential(correction[0], correction[1], correction[2], rotation, jacobian)
+    _multiply(rotation, state.rotation, new)
     state.rotation[:] = new
     for i in range(4):
         moved = turned(rotation, state.vectors[i])
@@ -450,7 +480,7 @@ def move_origin(filters: Records[FilterState], farthest: float) -> None:
 @compiled
 def _shift_rows(P: FloatArray, x: float, y: float) -> None:
     """Move rows of the covariance, or of its transpose, to a new origin: position and contacts."""
-    for j in range(SIZE):
+    for j in range(_SIZE):
         shift = (-P[_R + 2, j] * y, P[_R + 2, j] * x, P[_R, j] * y - P[_R + 1, j] * x)
         for i in range(3):
             for k in range(3):
@@ -465,12 +495,20 @@ def _correct_by_attitude(
     rate: FloatArray,
     correction: FloatArray,
 ) -> None:
-    """z = Log(R_imu exp(delay rate) R^T), from its skew part."""
+    """Correct by the IMU's own orientation: z = Log(R_imu exp(delay gyro) R^T), to first order.
+
+    Args:
+        state: Its covariance is changed.
+        noise: Parameters of the filter.
+        measured: Orientation by the IMU, `attitude_delay` ago. Shape (3, 3).
+        rate: Angular velocity as measured. Shape (3,), in rad/s.
+        correction: Correction so far; changed in place. Shape (21,).
+    """
     P, R = state.covariance, state.rotation
-    rotation, rate_W, HP = small_rotation(R, measured), turned(R, rate), np.empty(SIZE)
+    rotation, rate_W, HP = _small_rotation(R, measured), turned(R, rate), np.empty(_SIZE)
     for k in range(3):
         z = rotation[k] + noise.attitude_delay * rate_W[k]
-        for j in range(SIZE):
+        for j in range(_SIZE):
             HP[j] = P[k, j]
         variance = noise.heading if k == 2 else noise.tilt
         _update(P, HP, HP[k] + variance, z - correction[k], correction)
@@ -478,10 +516,18 @@ def _correct_by_attitude(
 
 @compiled
 def _correct_hanging_velocity(state: FilterState, variance: float, correction: FloatArray) -> None:
-    """z = -v: a robot that hangs for long is at rest; too weak to matter between two steps."""
-    P, HP = state.covariance, np.empty(SIZE)
+    """Correct by z = -v: a robot that hangs for long is at rest.
+
+    The correction is too weak to matter between two steps.
+
+    Args:
+        state: Its covariance is changed.
+        variance: Variance of the velocity. In (m/s)^2.
+        correction: Correction so far; changed in place. Shape (21,).
+    """
+    P, HP = state.covariance, np.empty(_SIZE)
     for k in range(3):
-        for j in range(SIZE):
+        for j in range(_SIZE):
             HP[j] = P[_V + k, j]
         innovation = -state.vectors[_VELOCITY, k] - correction[_V + k]
         _update(P, HP, HP[_V + k] + variance, innovation, correction)
@@ -525,6 +571,9 @@ def _compute_pelvis(
     return _is_finite(estimate)
 
 
+_NEW_GROUND_TIME = 1.0  # s without contact, after which the robot may stand on other ground
+
+
 @compiled
 def _update_ground_height(
     vectors: FloatArray, noise: FilterNoise, state: RobotState, body: Body
@@ -545,12 +594,12 @@ def _update_ground_height(
     elif body.airborne_time < _NEW_GROUND_TIME or total_load >= 1.0:
         body.airborne_time = 0.0
     else:  # put down on other ground, until the feet carry the robot
-        body.ground_height = vectors[_CONTACTS + touching, 2] - noise.sole_radius
+        body.ground_height = vectors[_CONTACTS + touching, 2] - robot.SOLE_RADIUS
     if total_load > 0.0:
         left, right = vectors[_CONTACTS, 2], vectors[_CONTACTS + 1, 2]
         sole = (load[0] * left + load[1] * right) / total_load
         gain = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total_load) * noise.period)
-        body.ground_height += gain * (sole - noise.sole_radius - body.ground_height)
+        body.ground_height += gain * (sole - robot.SOLE_RADIUS - body.ground_height)
 
 
 @compiled
@@ -558,7 +607,7 @@ def _is_finite(estimate: FilterState) -> bool:
     """Whether the filter's state is finite and its variances are positive."""
     total = estimate.rotation.sum() + estimate.vectors.sum() + estimate.accelerometer_bias.sum()
     finite = math.isfinite(total + estimate.ground_slope)
-    for k in range(SIZE):
+    for k in range(_SIZE):
         finite = finite and 0.0 < estimate.covariance[k, k] < math.inf  # NaN compares false
     return finite
 
@@ -585,20 +634,17 @@ def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> f
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, correlation time of this speed
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
-_MAX_ORIGIN_DISTANCE = 10.0  # m, of the IMU from the filter's origin
-_NEW_GROUND_TIME = 1.0  # s without contact, after which the robot may stand on other ground
-_FLAT_SOLE_HEIGHT = 0.002  # m
-_SLOPE_TIME = 0.1  # s
-_STILL_RATE = 0.3  # rad/s
 _FIRST_DEVIATION = (
     (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; heading and position begin by definition
-    (0.1, 0.1, 0.1),  # m/s
+    (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
     (1e-4, 1e-4, 1e-4),  # m
-    (1.0, 1.0, 1.0),  # m
+    (1.0, 1.0, 1.0),  # m: the first correction by the feet finds the contacts
     (1.0, 1.0, 1.0),
-    (1e-4, 1e-4, 1e-4),  # rad/s
-    (0.01, 0.01, 0.01),  # m/s^2
+    (1e-4, 1e-4, 1e-4),  # rad/s: the default of `FilterConfig.gyro_bias`
+    (0.01, 0.01, 0.01),  # m/s^2: 1 mg
 )
+"""Standard deviations of the errors at the start: orientation, velocity, position, left and right
+contact, gyro and accelerometer bias."""
 
 
 class InvariantEstimator(LegEstimator):
@@ -606,28 +652,34 @@ class InvariantEstimator(LegEstimator):
 
     State X = (R, v, p, d_left, d_right) and biases b_g, b_a: orientation, velocity and position of
     the IMU in the world, and where the middle of each sole's centre line stands. Errors are
-    eta = X^ X^-1 = exp(xi) and zeta = b^ - b; their covariance P is 21 x 21.
+    X^ X^-1 = exp(xi) and zeta = b^ - b; their covariance P is 21 x 21.
 
         predict   R+ = R exp(w dt),  w = gyro - b_g
                   v+ = v + (R J(w dt) a + g) dt,  a = accelerometer - b_a,  J the left Jacobian
                   p+ = p + v dt + (R J a + g) dt^2 / 2
                   d+ = d + turn of the foot x (radius up - end of the sole it stands on)
-        xi'       xi_R' = -R zeta_g,  xi_v' = g x xi_R - v x R zeta_g - R zeta_a,
+                  P+ = F P F^T + Q,  F = 1 + A dt,  A by the rows
+                  xi_R' = -R zeta_g,  xi_v' = g x xi_R - v x R zeta_g - R zeta_a,
                   xi_p' = xi_v - p x R zeta_g,  xi_d' = -d x R zeta_g
-        feet      z = R h(q) + p - d,  H = (0, 0, -1, 1) on (xi_R, xi_v, xi_p, xi_d)
-        attitude  z = Log(R_imu exp(w delay) R^T),  H = 1 on xi_R
-        correct   X+ = exp(K z) X,  b+ = b + K z
+        feet      z = R h(q) + p - d,  H = (-1, 1) on (xi_p, xi_d)
+        attitude  z = Log(R_imu exp(gyro delay) R^T),  H = 1 on xi_R
+        hanging   z = -v,  H = 1 on xi_v,  while no foot touches the ground
+        correct   X+ = exp(K z) X,  b+ = b + K z;  z = -H (xi, zeta) + noise
+
+    The three coordinates of a measurement have independent noise, and correct one after the other.
 
     A foot's contact is a probability c: its contact point is a random walk with the variance
-    stance^(c) swing^(1-c). So a foot in the air gives no information, and a foot that takes load
-    gives more and more. A foot whose innovation is beyond `slip_gate` slips: its contact point is
-    estimated anew, and the foot is trusted again with the time constant `slip_time`.
+    stance^(c) swing^(1-c) per time. So a foot in the air gives no information, and a foot that
+    takes load gives more and more. A foot whose innovation is beyond `slip_gate` slips: its contact
+    point is estimated anew, and c (1 - slip) takes the place of c, with a slip that decays with the
+    time constant `slip_time`.
     In flight the filter integrates the IMU alone; while the robot hangs for long, the velocity goes
     to zero.
 
-    The error of the IMU's own attitude is nearly constant for a long time. It counts as white
-    noise with the same information: error^2 * 2 error_time / period. Hence standing feet and the
-    accelerometer decide roll and pitch, and the IMU decides the heading in the long run.
+    Errors that last count as white noise of the same information: error^2 * 2 error_time / period.
+    This holds for the IMU's own attitude, and for the speed of a robot that hangs. Hence standing
+    feet and the accelerometer decide roll and pitch, and the IMU decides the heading in the long
+    run.
 
     The state's height is that above the ground under the loaded feet, as in the controller and in
     the kinematic estimator.
@@ -635,7 +687,7 @@ class InvariantEstimator(LegEstimator):
     Source:
         Hartley, Ghaffari, Eustice, Grizzle, "Contact-aided invariant extended Kalman filtering for
         robot state estimation", IJRR 2020. Added here: graded contact, gating, the rolling sole,
-        the IMU's own attitude.
+        the IMU's own attitude, the hanging robot.
     """
 
     def __init__(self, config: EstimatorConfig, period: float) -> None:
@@ -686,6 +738,7 @@ class InvariantEstimator(LegEstimator):
         start.covariance = np.diag(np.square(np.ravel(_FIRST_DEVIATION)))
 
     def _set_noise(self) -> None:
+        """Variances and power densities from the configured standard deviations."""
         c, noise, period = self._config.filter, self._noise, self._period
         persistent = 2.0 * c.error_time / period
         noise.period = period
@@ -706,9 +759,3 @@ class InvariantEstimator(LegEstimator):
         noise.slip_gate = c.slip_gate**2
         noise.slip_decay = math.exp(-period / c.slip_time)
         noise.attitude_delay = c.attitude_delay
-        noise.sole_radius = robot.SOLE_RADIUS
-        front, back = np.array(robot.FOOT_CONTACTS)
-        noise.sole_line = 0.5 * (front - back)
-        noise.flat_sole_height = _FLAT_SOLE_HEIGHT
-        noise.slope_time = _SLOPE_TIME
-        noise.still_rate = _STILL_RATE

@@ -13,10 +13,11 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import Vector, cross, minus, plus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_YAW_VARIANCE, _TILT_VARIANCE = 0.01, math.radians(0.35) ** 2  # rad^2
-_RATE_VARIANCE = math.radians(0.1) ** 2  # (rad/s)^2
+_YAW_VARIANCE = 0.01  # rad^2, of the IMU's heading, which drifts: 0.1 rad
+_TILT_VARIANCE = math.radians(0.35) ** 2  # rad^2, of the IMU's own roll and pitch
+_RATE_VARIANCE = math.radians(0.1) ** 2  # (rad/s)^2: a VN-100's 0.08 deg/s at 500 Hz, rounded up
 _HANGING_DECAY = 1.0  # 1/s: without load the velocity decays, as there is nothing to correct it
-_ACCELERATION_NOISE = 0.05**2  # (m/s^2)^2 s, from the IMU's tilt error
+_ACCELERATION_NOISE = 0.05**2  # (m/s^2)^2 s: g times 0.35 deg, a correlation time of 0.35 s
 _CORRELATED_NOISE_RATIO = 0.1  # of the legs' velocity: its variance stays above half of this
 _VELOCITY_CORRELATION_TIME = 0.1  # s, of the velocity's error
 
@@ -149,9 +150,14 @@ def _height_by_legs(
 class KinematicEstimator(LegEstimator):
     """Pelvis velocity from the leg that carries load, corrected at the rate of the IMU.
 
-    The velocity is predicted with the accelerometer. It is corrected by the velocity at which a
-    loaded foot stands still, with a gain that follows the load on the feet. Position is the
-    integral, with the height corrected by the loaded foot's. Orientation is the IMU's own.
+    The velocity v of the IMU is predicted with the accelerometer a. It is corrected by the velocity
+    at which the loaded feet h_i stand still, with a gain that follows their loads l_i, 0 to 1.
+    Position is the integral, with the height corrected by the loaded feet's. Orientation R is the
+    IMU's own. B is `velocity_bandwidth`, l the sum of the loads:
+
+        v   <- v + (R a + g) dt
+        v   <- v + (1 - exp(-B min(1, l) dt)) (v_l - v)      l > 0, else v <- v (1 - dt / 1 s)
+        v_l  = R (sum of l_i (-h_i' - w x h_i) / l + w x imu)    w the gyro, imu its position
 
     Source:
         Velocity from the stance foot weighted by its load: paper-cited gait-library method (Da

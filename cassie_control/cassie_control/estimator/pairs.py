@@ -9,14 +9,15 @@ import numpy as np
 
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
-from cassie_gaits.names import LEG_DRIVES, LEG_SENSED_JOINTS, LEGS
+from cassie_gaits.names import DRIVES, LEG_DRIVES, LEG_SENSED_JOINTS, LEGS, SENSED_JOINTS
 from cassie_gaits.records import FloatArray, IntArray, Record, RecordArray, array, whole
 
-PAIRS = 19
-"""Ten drives, six joints, three axes of the IMU."""
+FIRST_JOINT = len(DRIVES)
+FIRST_IMU_AXIS = FIRST_JOINT + len(SENSED_JOINTS)
+"""Indices of the first joint and of the IMU's first axis among the pairs; drives come first."""
 
-FIRST_JOINT, FIRST_IMU_AXIS = 10, 16
-"""Indices of the first joint and of the IMU's first axis among the pairs."""
+PAIRS = FIRST_IMU_AXIS + 3
+"""Ten drives, six joints, three axes of the IMU."""
 
 DRIVE_PAIRS = slice(0, FIRST_JOINT)
 JOINT_PAIRS = slice(FIRST_JOINT, FIRST_IMU_AXIS)
@@ -32,6 +33,9 @@ DELAYS = tuple(0.001 * ms for ms in range(10, 101, 2))
 RESIDUAL_TIME = 0.3
 """Time constant with which the difference of position and integrated velocity decays. In s."""
 
+SPIKE_TIME = 0.04
+"""Time constant with which counts of spikes are forgotten. In s."""
+
 REST_TIME = 1.0
 """Time at rest without power after which channels are accepted again. In s."""
 
@@ -39,44 +43,13 @@ _NO_CHANNEL = -1
 _ACCEPTED, _REJECTED, _RESPONSIVE = 0, 1, 2  # values of `Pair.status`
 _CLEAR, _SMALL = 0, 1  # indices of `Pair.spike_counts`
 
-_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `DELAYS` at 2 kHz
+# At 2 kHz; at higher rates fewer delays are tested, and a shorter response is modelled.
+_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `DELAYS`
 _RESPONSE_TICKS = 36  # in `Pair.position_steps`: the joints' velocity filter responds for 18 ms
 _VELOCITY_TICKS = 4  # in `Pair.last_velocities`: with the present one, five for the cubic
+
 _PEAK_TIME = 0.1  # s, time constant of the decay of both peaks
-_DECISION_TIMEOUT = 0.03  # s, to find which channel of a pair is faulty
-
-_VELOCITY_JUMP_RATIO = 0.5  # to `PairLimits.jump`: velocity's second difference times the period
-_JUMP_PEAK_RATIO = 0.25  # to `PairLimits.jump`: threshold of `Pair.jump_peak`
-_JUMP_CAUSE_RATIO = 0.6  # of a jump to `Pair.residual`, from which the jump is its cause
-_FILTER_MODEL_ERROR = 0.05  # relative, of the velocity filter's response where a foot is hit
-
-SPIKE_TIME = 0.04
-"""Time constant with which counts of spikes are forgotten. In s."""
-
-_SMALL_SPIKE_RATIO = 0.35  # of a small spike's threshold to a clear one's
-_SPIKE_STEP_RATIO = 0.5  # of a velocity step's residual to the spike that must have caused it
-_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within `SPIKE_TIME`
-_SMALL_SPIKE_COUNT_LIMIT = 2.0  # of small spikes: exceeded by three in quick succession
-_RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none lately
-
-_STUCK_TICKS = 3
-_FROZEN_TICKS = 15  # without a change, after which a noisy signal counts as frozen
-_STUCK_POSITION_MOTION = 0.008  # rad, of the velocity while the position keeps its bits
-_STUCK_VELOCITY_MOTION = 0.002  # rad, of the position while the velocity keeps its bits
-_STUCK_VELOCITY_SPEED = 0.5  # rad/s, saturation of the motion in `_STUCK_VELOCITY_MOTION`
-_FILTER_TAIL_RATIO = 2.0  # of the time in which a filtered velocity decays to the filter's delay
-
-_DELAY_ERROR_WEIGHT = 3.0  # of the squared residual that a delay leaves
-_ALLOWANCE_RATIO = 0.01  # to `PairLimits.evidence`: decrease of each cumulative sum per tick
-_MAX_INCREASE_RATIO = 0.25  # to it: weight of a tick; a landing lasts fewer than five ticks
-_SATURATION_RATIO = 4.0  # to it: saturation of each cumulative sum
-_AMBIGUITY_RATIO = 0.5  # of smaller to larger evidence, below which the larger one decides
-
-_SUBSTITUTE_VELOCITY_TIME = 0.004  # s, time constant of the differentiated position
-_VELOCITY_TOLERANCE = 0.5  # rad/s, error from which a velocity stays rejected
-_FROZEN_VELOCITY_SPEED = 0.1  # rad/s, of the position: a velocity that does not change is wrong
-_POSITION_TOLERANCE = 0.02  # rad, error from which a position stays rejected
-_FROZEN_POSITION_TOLERANCE = 0.002  # rad, the same for a position that does not change
+_STUCK_TICKS = 3  # without a change of its bits, after which a channel may be stuck
 
 
 class Pair(Record):
@@ -140,9 +113,7 @@ class PairLimits(Record):
         hold_time: Time for which a channel stays rejected after its last fault. In s.
         averaged: 1 where the velocity is the mean over the period, as a gyro's.
         low, high: Range of the position. In rad.
-        speed: Largest speed. In rad/s.
         still_speed: Speed below which the pair counts as still. In rad/s.
-        jump: Largest difference of the steps of position and velocity in one tick. In rad.
         residual, residual_by_speed: Threshold of `Pair.residual`: a constant, in rad, and its
             increase with the speed, in s.
         spike: Threshold of the velocity's clear spikes. In rad/s.
@@ -158,9 +129,7 @@ class PairLimits(Record):
     averaged: int = whole()
     low: float
     high: float
-    speed: float
     still_speed: float
-    jump: float
     residual: float
     residual_by_speed: float
     spike: float
@@ -217,6 +186,9 @@ def check_pair(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> 
     return reaccepted
 
 
+_MAX_SPEED = 50.0  # rad/s, of every joint and axis
+
+
 @compiled
 def _check_ranges(pair: Pair, limits: PairLimits) -> tuple[float, float]:
     """Reject values out of range or NaN; position and velocity, or the last ones in their place."""
@@ -224,10 +196,14 @@ def _check_ranges(pair: Pair, limits: PairLimits) -> tuple[float, float]:
     if not limits.low <= position <= limits.high:
         pair.rejected_for[P] = limits.hold_time
         position = pair.last_position
-    if not abs(velocity) <= limits.speed:
+    if not abs(velocity) <= _MAX_SPEED:
         pair.rejected_for[V] = limits.hold_time
         velocity = pair.last_velocities[0]
     return position, velocity
+
+
+_JUMP = 0.02  # rad, by which the steps of position and velocity differ in one tick
+_VELOCITY_JUMP = 0.5 * _JUMP  # of the velocity's second difference times the period
 
 
 @compiled
@@ -235,6 +211,9 @@ def _check_jumps(
     pair: Pair, limits: PairLimits, position: float, velocity: float
 ) -> tuple[float, float]:
     """Reject a channel that jumps without the other one.
+
+    A position's step is its change over the tick. A velocity's step is its integral over the tick,
+    by the trapezoidal rule where the velocity is a sample, and exactly where it is a mean.
 
     Args:
         pair: Changed in place.
@@ -250,11 +229,11 @@ def _check_jumps(
     velocity_step = 0.5 * dt * (velocity + last[0])
     if limits.averaged:
         velocity_step = dt * velocity
-    if abs(position_step - velocity_step) > limits.jump:
+    if abs(position_step - velocity_step) > _JUMP:
         # At a hard landing the position leads its filtered velocity, and neither jumps.
         second_difference = abs(velocity - 2.0 * last[0] + last[1])
-        velocity_jumps = second_difference * dt > _VELOCITY_JUMP_RATIO * limits.jump
-        position_jumps = abs(position_step - pair.position_steps[0]) > limits.jump
+        velocity_jumps = second_difference * dt > _VELOCITY_JUMP
+        position_jumps = abs(position_step - pair.position_steps[0]) > _JUMP
         if velocity_jumps and pair.rejected_for[P] <= 0.0:
             pair.rejected_for[V] = limits.hold_time
             velocity_step = position_step
@@ -262,6 +241,9 @@ def _check_jumps(
             pair.rejected_for[P] = limits.hold_time
             position_step = velocity_step
     return position_step, velocity_step
+
+
+_FILTER_MODEL_ERROR = 0.05  # relative, of the velocity filter's response where a foot is hit
 
 
 @compiled
@@ -279,6 +261,12 @@ def _velocity_confirms(
     repeated = expected - limits.response[0] * (position_step - pair.position_steps[0])
     model_error = _FILTER_MODEL_ERROR * abs(velocity_step)
     return bool(abs(velocity_step - expected) < abs(velocity_step - repeated) + model_error)
+
+
+_STUCK_POSITION_MOTION = 0.008  # rad, of the velocity while the position keeps its bits
+_STUCK_VELOCITY_MOTION = 0.002  # rad, of the position while the velocity keeps its bits
+_STUCK_VELOCITY_SPEED = 0.5  # rad/s, saturation of the motion in `_STUCK_VELOCITY_MOTION`
+_FILTER_TAIL_RATIO = 2.0  # of the time in which a filtered velocity decays to the filter's delay
 
 
 @compiled
@@ -327,6 +315,13 @@ def _count_unchanged(
         pair.rejected_for[channel] = limits.hold_time
 
 
+_SMALL_SPIKE_RATIO = 0.35  # of a small spike's threshold to a clear one's
+# A spike adds 1 to a count that decays with `SPIKE_TIME`.
+_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within 64 ms
+_SMALL_SPIKE_COUNT_LIMIT = 2.0  # of small spikes: exceeded by three within 38 ms
+_RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none for 48 ms
+
+
 @compiled
 def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> None:
     """Count spikes of the velocity, and reject it after two clear ones in quick succession."""
@@ -338,6 +333,9 @@ def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) 
     pair.spike_counts[_SMALL] = decay * pair.spike_counts[_SMALL] + small
     if pair.spike_counts[_CLEAR] > _SPIKE_COUNT_LIMIT:
         pair.rejected_for[V] = limits.hold_time
+
+
+_SPIKE_STEP_RATIO = 0.5  # of a velocity step's residual to the spike that must have caused it
 
 
 @compiled
@@ -367,7 +365,12 @@ def _spike_size(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> 
 
 @compiled
 def _check_residual(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> bool:
-    """Compare the position with the integrated velocity; see `check_pair`."""
+    """Compare the position with the integrated velocity; see `check_pair`.
+
+    The residual is r <- r exp(-period / RESIDUAL_TIME) + position step - velocity step, each step
+    as old as the other channel lags. A healthy pair has |r| < residual + residual_by_speed |speed|,
+    with the decaying peak of the speed.
+    """
     position_step = pair.position_steps[limits.velocity_lag]
     velocity_step = pair.velocity_steps[limits.position_lag]
     decay = math.exp(-limits.period / RESIDUAL_TIME)
@@ -397,6 +400,12 @@ def _agrees(pair: Pair, limits: PairLimits, tolerance: float) -> bool:
     return abs(pair.residual) < threshold
 
 
+_JUMP_PEAK = 0.25 * _JUMP  # rad, of `Pair.jump_peak`, from which a position jumps
+_JUMP_CAUSE_RATIO = 0.6  # of a jump to `Pair.residual`, from which the jump is its cause
+_AMBIGUITY_RATIO = 0.5  # of smaller to larger evidence, below which the larger one decides
+_ALLOWANCE_RATIO = 0.01  # to `PairLimits.evidence`: decrease of each cumulative sum per tick
+
+
 @compiled
 def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: float) -> int:
     """Channel that repeats the other one's motion after one of `DELAYS`, or `_NO_CHANNEL`.
@@ -423,7 +432,7 @@ def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: 
         return _NO_CHANNEL  # each sum would stay zero
     # At constant speed, a channel that is stuck, jumps or has spikes makes the other look delayed.
     spikes = pair.spike_counts[_SMALL] >= _RECENT_SPIKE_COUNT
-    jump_threshold = max(_JUMP_PEAK_RATIO * limits.jump, _JUMP_CAUSE_RATIO * abs(pair.residual))
+    jump_threshold = max(_JUMP_PEAK, _JUMP_CAUSE_RATIO * abs(pair.residual))
     jumps = pair.jump_peak > jump_threshold
     velocity_unreliable = pair.unchanged_ticks[V] > 0 or spikes
     position_unreliable = pair.unchanged_ticks[P] > 0 or jumps
@@ -434,6 +443,11 @@ def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: 
         if larger > limits.evidence and smaller < _AMBIGUITY_RATIO * larger:
             return channel
     return _NO_CHANNEL
+
+
+_DELAY_ERROR_WEIGHT = 3.0  # of the squared residual that a delay leaves
+_MAX_INCREASE_RATIO = 0.25  # to `evidence`: weight of a tick; a landing lasts fewer than five ticks
+_SATURATION_RATIO = 4.0  # to `evidence`: saturation of each cumulative sum
 
 
 @compiled
@@ -447,8 +461,13 @@ def _update_delay_sums(
 ) -> None:
     """Update the cumulative sums for a channel's delay, and the largest of them.
 
-    A tick with a large error, as at a landing, has a small weight: the share of the error that the
-    delay explains counts.
+    With e the squared residual without a delay, e(D) that of the delay D, and E the threshold:
+
+        S(D) <- S(D) + w (e - _DELAY_ERROR_WEIGHT e(D)) - _ALLOWANCE_RATIO E
+        w = min(1, _MAX_INCREASE_RATIO E / e),   0 <= S(D) <= _SATURATION_RATIO E
+
+    So a tick with a large error, as at a landing, has a small weight: the share of the error that
+    the delay explains counts.
 
     Args:
         pair: Changed in place.
@@ -472,6 +491,9 @@ def _update_delay_sums(
         sums[m] = max(0.0, min(sums[m] + increase, _SATURATION_RATIO * limits.evidence))
         largest = max(largest, sums[m])
     pair.delay_evidence[channel] = largest
+
+
+_DECISION_TIMEOUT = 0.03  # s, to find which channel of a pair is faulty
 
 
 @compiled
@@ -530,7 +552,7 @@ def _channel_with_symptom(pair: Pair) -> int:
 
 @compiled
 def _likelier_faulty_channel(pair: Pair) -> int:
-    """Likelier faulty channel: by spikes, by the evidence for delays, or by the delay's sign."""
+    """Likelier faulty channel: by spikes, else by the evidence for delays."""
     if pair.spike_counts[_SMALL] >= _RECENT_SPIKE_COUNT:
         return V
     return P if pair.delay_evidence[P] > pair.delay_evidence[V] else V
@@ -587,20 +609,25 @@ def _update_status(pair: Pair, powered: int) -> bool:
     return reaccepted
 
 
+_SUBSTITUTE_VELOCITY_TIME = 0.004  # s, time constant of the differentiated position
+_VELOCITY_TOLERANCE = 0.5  # rad/s, error from which a velocity stays rejected
+_FROZEN_VELOCITY_SPEED = 0.1  # rad/s, of the position: a velocity that does not change is wrong
+
+
 @compiled
 def _substitute_velocity(
-    pair: Pair, limits: PairLimits, position_rejected: bool, confirmed: bool
+    pair: Pair, limits: PairLimits, partner_rejected: bool, confirmed: bool
 ) -> None:
     """Set the velocity's output to the low-passed difference of the position.
 
     Args:
         pair: Changed in place.
         limits: Its limits.
-        position_rejected: Whether the position is rejected, too: the output then stays.
+        partner_rejected: Whether the position is rejected, too: the output then stays.
         confirmed: See `_extend_rejection`.
     """
     difference = pair.position_steps[0] / limits.period
-    if not position_rejected:
+    if not partner_rejected:
         gain = 1.0 - math.exp(-limits.period / _SUBSTITUTE_VELOCITY_TIME)
         last = pair.output[V] if math.isfinite(pair.output[V]) else difference
         pair.output[V] = last + gain * (difference - last)
@@ -609,21 +636,26 @@ def _substitute_velocity(
     _extend_rejection(pair, limits, V, differs, confirmed)
 
 
+_FROZEN_TICKS = 15  # without a change, after which a noisy signal counts as frozen
+_POSITION_TOLERANCE = 0.02  # rad, error from which a position stays rejected
+_FROZEN_POSITION_TOLERANCE = 0.002  # rad, the same for a position that does not change
+
+
 @compiled
 def _substitute_position(
-    pair: Pair, limits: PairLimits, velocity_rejected: bool, confirmed: bool
+    pair: Pair, limits: PairLimits, partner_rejected: bool, confirmed: bool
 ) -> None:
     """Integrate the velocity into the position's output.
 
     Args:
         pair: Changed in place.
         limits: Its limits.
-        velocity_rejected: Whether the velocity is rejected, too: its own output is then integrated.
+        partner_rejected: Whether the velocity is rejected, too: its own output is then integrated.
         confirmed: See `_extend_rejection`.
     """
     frozen = pair.unchanged_ticks[P] >= _FROZEN_TICKS
     tolerance = _FROZEN_POSITION_TOLERANCE if frozen else _POSITION_TOLERANCE
-    step = limits.period * pair.output[V] if velocity_rejected else pair.velocity_steps[0]
+    step = limits.period * pair.output[V] if partner_rejected else pair.velocity_steps[0]
     pair.output[P] += step
     differs = abs(pair.position - pair.output[P]) >= tolerance  # False for NaN
     _extend_rejection(pair, limits, P, differs, confirmed)
@@ -651,12 +683,19 @@ def _extend_rejection(
         pair.rejected_for[channel] = limits.hold_time
 
 
-_RANGE_MARGIN = 0.2  # rad beyond the stops
-_JOINT_FILTER_DELAY = 0.0045  # s, of the joints' velocity filter
-_MAX_FREQUENCY = 100.0  # Hz, highest frequency to which a velocity filter's response is fitted
-_MAX_FREQUENCY_RATIO = 0.2  # of the highest frequency that samples resolve to their rate
-_CONSTANT_VELOCITY_WEIGHT = 1e3  # relative to one frequency
-_DRIVE_NOISE_WEIGHT, _JOINT_NOISE_WEIGHT = 0.2, 2.5  # of encoders, relative to one frequency
+JOINT_FILTER_DELAY = 0.0045
+"""Group delay of `robot.JOINT_VELOCITY_FILTER` at 0 Hz. In s."""
+
+# Set by hand above what healthy sensors show in recorded walks, pushes and landings. Columns: hip
+# roll, hip yaw, hip pitch, knee and toe drive; shin, tarsus and toe joint; an axis of the IMU.
+_LIMITS = {
+    "still_speed": ([1.0] * 5, [1.0] * 3, 0.1),  # legs swing when it hangs
+    "residual": ([0.004, 0.004, 0.006, 0.008, 0.008], [0.008, 0.008, 0.01], 0.005),
+    # That of the joints holds also where no filter delays the velocity.
+    "residual_by_speed": ([0.001] * 5, [JOINT_FILTER_DELAY] * 3, 0.002),
+    "spike": ([0.5, 0.5, 0.6, 1.2, 5.5], [0.9, 0.9, 1.5], 0.25),
+    "evidence": ([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], [4e-7, 8e-7, 5e-7], 1e-6),
+}
 
 
 def set_pair_limits(
@@ -672,19 +711,14 @@ def set_pair_limits(
     """
     limits["period"], limits["hold_time"], limits["averaged"][IMU_PAIRS] = period, hold_time, 1
     _set_position_ranges(limits)
-    limits["speed"], limits["jump"] = 50.0, 0.02
-    limits["still_speed"], limits["still_speed"][IMU_PAIRS] = 1.0, 0.1  # legs swing when it hangs
-    for name, of_leg_drives, of_leg_joints, of_imu in (
-        ("residual", [0.004, 0.004, 0.006, 0.008, 0.008], [0.008, 0.008, 0.01], 0.005),
-        # That of the joints holds also where no filter delays the velocity.
-        ("residual_by_speed", [0.001] * 5, [0.0045] * 3, 0.002),
-        ("spike", [0.5, 0.5, 0.6, 1.2, 5.5], [0.9, 0.9, 1.5], 0.25),
-        ("evidence", [4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], [4e-7, 8e-7, 5e-7], 1e-6),
-    ):
+    for name, (of_leg_drives, of_leg_joints, of_imu) in _LIMITS.items():
         limits[name][DRIVE_PAIRS] = np.tile(of_leg_drives, len(LEGS))
         limits[name][JOINT_PAIRS] = np.tile(of_leg_joints, len(LEGS))
         limits[name][IMU_PAIRS] = of_imu
     _set_delays(period, attitude_delay, limits)
+
+
+_RANGE_MARGIN = 0.2  # rad beyond the stops
 
 
 def _set_position_ranges(limits: RecordArray) -> None:
@@ -702,6 +736,9 @@ def _set_position_ranges(limits: RecordArray) -> None:
                 limits["high"][first + k] = high + _RANGE_MARGIN
 
 
+_DRIVE_NOISE_WEIGHT, _JOINT_NOISE_WEIGHT = 0.2, 2.5  # of encoders, relative to one frequency
+
+
 def _set_delays(period: float, attitude_delay: float, limits: RecordArray) -> None:
     """Set the tested delays, the velocity filters' responses and the lags, all in ticks."""
     ticks = [max(1, min(_HISTORY_TICKS - 1, round(delay / period))) for delay in DELAYS]
@@ -714,8 +751,13 @@ def _set_delays(period: float, attitude_delay: float, limits: RecordArray) -> No
         weights = velocity_response(period, *filters)
         limits["response"][pairs, : len(weights)] = weights
         limits["response_ticks"][pairs] = len(weights)
-    limits["velocity_lag"][JOINT_PAIRS] = min(2, round(_JOINT_FILTER_DELAY / period))
+    limits["velocity_lag"][JOINT_PAIRS] = min(2, round(JOINT_FILTER_DELAY / period))
     limits["position_lag"][IMU_PAIRS] = min(2, round(attitude_delay / period))
+
+
+_MAX_FREQUENCY = 100.0  # Hz, highest frequency to which a velocity filter's response is fitted
+_MAX_FREQUENCY_RATIO = 0.2  # of the highest frequency that samples resolve to their rate
+_CONSTANT_VELOCITY_WEIGHT = 1e3  # relative to one frequency
 
 
 def velocity_response(
