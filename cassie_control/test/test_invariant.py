@@ -1,4 +1,4 @@
-"""The invariant filter: what it claims to know, slipping feet, flight, gravity."""
+"""The invariant filter: its covariance, slipping feet, flight, gravity."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from cassie_msgs.experiment.scenario import Draw, Scenario
 from cassie_msgs.layout import RobotMode, RobotState, Sensors
 
 
-def replay(moments, **figures):
-    """States that a filter with these figures gives for recorded samples."""
-    core = make_estimator(EstimatorConfig(filter=FilterConfig(**figures)), PERIOD)
+def replay(moments, **parameters):
+    """States that a filter with these parameters gives for recorded samples."""
+    core = make_estimator(EstimatorConfig(filter=FilterConfig(**parameters)), PERIOD)
     sample = Sensors()
     for moment in moments:
         sample.load(moment.sample)
@@ -62,7 +62,7 @@ def test_errors_are_as_large_as_the_covariance_says(walked_faithful):
 
 
 @pytest.mark.parametrize("metres", [30.0, 3e3, 3e5])
-def test_far_from_where_it_began_it_knows_as_much(walked_faithful, metres):
+def test_far_from_the_start_the_estimate_is_as_accurate(walked_faithful, metres):
     here, there = (make_estimator(EstimatorConfig(), PERIOD) for _ in range(2))
     there._state.q[:2] = metres, -metres
     sample = Sensors()
@@ -75,7 +75,7 @@ def test_far_from_where_it_began_it_knows_as_much(walked_faithful, metres):
         assert far.covariance == pytest.approx(near.covariance, rel=1e-3)
 
 
-def test_its_origin_goes_along_unseen(walked_faithful):
+def test_a_moved_origin_does_not_change_the_estimate(walked_faithful):
     still, moved = (make_estimator(EstimatorConfig(), PERIOD) for _ in range(2))
     sample = Sensors()
     for moment in walked_faithful.moments:
@@ -87,7 +87,7 @@ def test_its_origin_goes_along_unseen(walked_faithful):
     assert np.any(moved._filter.origin)
 
 
-def test_what_rounding_makes_of_the_covariance_does_not_stay(walked_faithful):
+def test_an_asymmetry_of_the_covariance_does_not_stay(walked_faithful):
     """It added up: after 22 minutes on level ground the filter diverged, and the robot fell."""
     core = make_estimator(EstimatorConfig(), PERIOD)
     sample = Sensors()
@@ -99,7 +99,7 @@ def test_what_rounding_makes_of_the_covariance_does_not_stay(walked_faithful):
     assert np.abs(covariance - covariance.T).max() < 1e-15
 
 
-def test_a_foot_that_slips_is_not_believed(on_ice):
+def test_a_foot_that_slips_is_rejected(on_ice):
     def speed_errors(gate):
         return np.array(
             [
@@ -110,8 +110,8 @@ def test_a_foot_that_slips_is_not_believed(on_ice):
         )
 
     assert not on_ice.fallen
-    believed, gated = speed_errors(100.0), speed_errors(3.0)
-    assert believed.max() > 1.0  # a filter that holds on to sliding feet is lost
+    ungated, gated = speed_errors(100.0), speed_errors(3.0)
+    assert ungated.max() > 1.0  # a filter that holds on to sliding feet diverges
     assert gated.max() < 0.06
     assert math.sqrt((gated**2).mean()) < 0.025
 
@@ -160,7 +160,7 @@ def test_a_vehicles_acceleration_is_not_taken_for_the_gyros_bias(walked_faithful
     assert max(errors) < 2e-4
 
 
-def test_figures_may_change_while_it_runs(walked_faithful):
+def test_noise_may_change_while_it_runs(walked_faithful):
     core = make_estimator(EstimatorConfig(), PERIOD)
     sample = Sensors()
     sample.load(walked_faithful.moments[1000].sample)

@@ -1,4 +1,4 @@
-"""After a fall: what is not believed is learned anew at rest without power, what is dead is not."""
+"""After a fall: rejected channels are checked anew at rest without power; dead ones stay out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensor monitor: silent on healthy sensors, the right name of failing ones, what then."""
+"""The sensor monitor: no false alarms, the name of a failing channel, and its substitute."""
 
 from __future__ import annotations
 
@@ -118,10 +118,10 @@ def test_pushes_and_a_body_unlike_the_nominal_one_raise_no_alarm(pushed):
     assert reports(samples(pushed, 0)) == {}
 
 
-def test_the_echo_of_a_blow_is_no_late_accelerometer():
-    blow = {"t": 5.23, "duration": 0.04, "force": (-212.0, 212.0, 0.0)}
+def test_the_response_to_an_impact_is_no_late_accelerometer():
+    push = {"t": 5.23, "duration": 0.04, "force": (-212.0, 212.0, 0.0)}
     robot = Robot(
-        Scenario.from_mapping({"start": "standing", "pushes": [blow]}), "faithful", record=True
+        Scenario.from_mapping({"start": "standing", "pushes": [push]}), "faithful", record=True
     )
     robot.ask(height=0.98)
     robot.run(1.8)
@@ -196,7 +196,7 @@ def test_a_lost_position_goes_on_as_its_velocitys_integral(walked_faithful, chan
         assert abs(state.q[6 + joint] - true[k]) < 0.04  # its filter is 4.5 ms late
 
 
-def test_a_channel_that_recovers_is_believed_again(walked_faithful):
+def test_a_channel_that_recovers_is_accepted_again(walked_faithful):
     rows = samples(walked_faithful, 800)
     rows["drive_position"][300:310, 2] = np.nan
     core, sample, masks = monitored(), Sensors(), []
