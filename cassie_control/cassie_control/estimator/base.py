@@ -33,8 +33,6 @@ class Body(Record):
         stance_share: Low-passed share of time in which the feet carried the robot.
         force_scale: Factor on the forces of the legs' springs.
         force_scale_time: Time constant of `force_scale`; it grows after the start. In s.
-        ground_height: Height of the ground under the loaded feet. In m.
-        airborne_time: Time for which no foot has touched the ground. In s.
     """
 
     period: float
@@ -52,8 +50,6 @@ class Body(Record):
     stance_share: float
     force_scale: float
     force_scale_time: float
-    ground_height: float
-    airborne_time: float
 
 
 @compiled
@@ -157,7 +153,6 @@ def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: 
 
 _STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
 _STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
-_MIN_STANCE_SHARE = 0.5  # from which the scale is estimated
 _FIRST_SCALE_TIME = 0.4  # s, of `Body.force_scale_time`: a step, over which the error averages out
 _LAST_SCALE_TIME = 6.0  # s, of the same
 # Springs within 20 % and a mass within 10 % of the nominal ones give 0.9 / 1.2 to 1.1 / 0.8.
@@ -189,7 +184,7 @@ def _scale_forces(
     # Else a gantry carries the robot, too.
     standing = 1.0 if spring_force > _STANCE_FORCE_RATIO * apparent_weight else 0.0
     body.stance_share += period / _STANCE_TIME * (standing - body.stance_share)
-    if body.stance_share > _MIN_STANCE_SHARE:
+    if body.stance_share > 0.5:
         body.force_scale_time = min(_LAST_SCALE_TIME, body.force_scale_time + period)
         error = apparent_weight - body.force_scale * spring_force
         body.force_scale += period / body.force_scale_time * error / (mass * robot.GRAVITY)
@@ -317,7 +312,6 @@ class LegEstimator:
         self._state.floats[:] = 0.0
         body = self._body
         body.stance_share, body.force_scale, body.force_scale_time = 0.0, 1.0, _FIRST_SCALE_TIME
-        body.ground_height = body.airborne_time = 0.0
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest at this place; the yaw's full turns are kept."""

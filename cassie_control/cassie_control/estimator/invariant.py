@@ -41,6 +41,8 @@ class FilterState(Record):
         sole_rotations: Orientation of each foot in the world at the last sample.
         ground_slope: Slope of the ground along the feet, positive if it rises ahead.
         slip: 1 for a foot whose contact slips, then decaying to 0.
+        ground_height: Height of the ground under the loaded feet. In m.
+        airborne_time: Time for which no foot has touched the ground. In s.
     """
 
     rotation: FloatArray = array(3, 3)
@@ -52,6 +54,8 @@ class FilterState(Record):
     sole_rotations: FloatArray = array(2, 3, 3)
     ground_slope: float
     slip: FloatArray = array(2)
+    ground_height: float
+    airborne_time: float
 
 
 class FilterNoise(Record):
@@ -113,7 +117,7 @@ def estimate_pelvis(
         samples: `Sensors.record`. Shape (1,).
         states: Result, `RobotState.record`. Shape (1,).
         leg_pairs: Legs as `update_legs` left them. Shape (1,).
-        bodies: Data of the robot; the ground's height follows the loaded feet. Shape (1,).
+        bodies: Data of the robot. Shape (1,).
         filters: Changed in place. Shape (1,).
         noises: Parameters of the filter. Shape (1,).
     """
@@ -544,10 +548,12 @@ def _compute_pelvis(
     """Compute the pelvis from the filter's IMU; False where the filter has diverged.
 
     Args:
-        estimate, noise, body: See `estimate_pelvis`.
+        estimate: The filter; its ground's height follows the loaded feet.
+        noise: Parameters of the filter.
+        body: Data of the robot.
         angular_velocity: Measured. Shape (3,), in rad/s.
         state: Gets angular velocity less its bias, position with the height above
-            `body.ground_height`, velocity, covariance.
+            `estimate.ground_height`, velocity, covariance.
     """
     P, R, vectors = estimate.covariance, estimate.rotation, estimate.vectors
     rate, covariance = state.angular_velocity, state.covariance
@@ -555,9 +561,9 @@ def _compute_pelvis(
         rate[k] = angular_velocity[k] - estimate.gyro_bias[k]
     imu_velocity = turned(R, cross(rate, body.imu_position))  # relative to the pelvis
     imu_position = turned(R, body.imu_position)
-    _update_ground_height(vectors, noise, state, body)
+    _update_ground_height(estimate, noise, body, state)
     for k in range(3):
-        origin = estimate.origin[k] if k < 2 else -body.ground_height
+        origin = estimate.origin[k] if k < 2 else -estimate.ground_height
         state.v[k] = vectors[_VELOCITY, k] - imu_velocity[k]
         state.q[k] = vectors[_POSITION, k] - imu_position[k] + origin
         covariance[k] = _vector_variance(P, vectors[_POSITION], _P, k)
@@ -576,30 +582,30 @@ _NEW_GROUND_TIME = 1.0  # s without contact, after which the robot may stand on 
 
 @compiled
 def _update_ground_height(
-    vectors: FloatArray, noise: FilterNoise, state: RobotState, body: Body
+    estimate: FilterState, noise: FilterNoise, body: Body, state: RobotState
 ) -> None:
     """Let the ground's height follow the loaded feet, or the first touch after a time in the air.
 
     Args:
-        vectors: See `FilterState`.
+        estimate: The filter; `ground_height` and `airborne_time` are updated.
         noise: Parameters of the filter.
+        body: Data of the robot.
         state: Has the feet's loads and contact probabilities.
-        body: Its `ground_height` and `airborne_time` are updated.
     """
-    load, contact = state.foot_load, state.contact_probability
+    vectors, load, contact = estimate.vectors, state.foot_load, state.contact_probability
     total_load = load[0] + load[1]
     touching = 0 if contact[0] > contact[1] else 1
     if contact[touching] < _AIRBORNE_PROBABILITY:
-        body.airborne_time += noise.period
-    elif body.airborne_time < _NEW_GROUND_TIME or total_load >= 1.0:
-        body.airborne_time = 0.0
+        estimate.airborne_time += noise.period
+    elif estimate.airborne_time < _NEW_GROUND_TIME or total_load >= 1.0:
+        estimate.airborne_time = 0.0
     else:  # put down on other ground, until the feet carry the robot
-        body.ground_height = vectors[_CONTACTS + touching, 2] - robot.SOLE_RADIUS
+        estimate.ground_height = vectors[_CONTACTS + touching, 2] - robot.SOLE_RADIUS
     if total_load > 0.0:
         left, right = vectors[_CONTACTS, 2], vectors[_CONTACTS + 1, 2]
         sole = (load[0] * left + load[1] * right) / total_load
         gain = 1.0 - math.exp(-body.height_bandwidth * min(1.0, total_load) * noise.period)
-        body.ground_height += gain * (sole - robot.SOLE_RADIUS - body.ground_height)
+        estimate.ground_height += gain * (sole - robot.SOLE_RADIUS - estimate.ground_height)
 
 
 @compiled

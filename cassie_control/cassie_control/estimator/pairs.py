@@ -335,9 +335,6 @@ def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) 
         pair.rejected_for[V] = limits.hold_time
 
 
-_SPIKE_STEP_RATIO = 0.5  # of a velocity step's residual to the spike that must have caused it
-
-
 @compiled
 def _spike_size(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> float:
     """Deviation of the velocity two ticks ago from its neighbours' curve; 0 if it is no spike.
@@ -358,8 +355,9 @@ def _spike_size(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> 
         for k in (1, 2):
             tick = (ticks - k) % _HISTORY_TICKS
             residual += pair.step_history[P, tick] - pair.step_history[V, tick]
-        if abs(residual) < _SPIKE_STEP_RATIO * limits.period * deviation:
-            return 0.0  # the likelier of two hypotheses: the joint moved like this
+        # A wrong velocity gives the residual period x deviation, a joint that moved like this 0.
+        if abs(residual) < 0.5 * limits.period * deviation:
+            return 0.0  # the likelier of the two hypotheses
     return deviation
 
 
