@@ -59,6 +59,7 @@ class Noise:
 
     def close(self) -> None:
         self._executor.shutdown()
+        self.node.destroy_node()
         rclpy.shutdown(context=self._context)
 
     def step(self) -> None:
@@ -149,3 +150,23 @@ def test_random_input_on_all_topics_and_services_at_once(tmp_path: Path) -> None
         for name in NODES:
             assert memory(robot, name) < before[name] + 5.0, name
             assert "Traceback" not in robot.processes.log(name).read_text(), name
+
+
+def test_noise_before_the_nodes_ends_none_and_the_robot_walks_after_it(tmp_path: Path) -> None:
+    with Robot(tmp_path, WALK, simulator={"paused": True}) as robot:
+        noise = Noise(robot.domain, np.random.default_rng(20))
+        try:
+            robot.start()
+            end = time.monotonic() + 12.0
+            while time.monotonic() < end:
+                noise.step()
+                time.sleep(0.005)
+            robot.processes.check()
+        finally:
+            noise.close()
+        time.sleep(2.0)  # the newest message of every topic is a node's again
+        robot.go()
+        robot.eyes.wait_for(lambda: robot.eyes.mode == "walk", "mode walk")
+        robot.processes.check()
+        for log in (tmp_path / "log").glob("*.log"):
+            assert "Traceback" not in log.read_text(), log.stem

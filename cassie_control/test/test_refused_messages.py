@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 
+import numpy as np
 import pytest
 
 from cassie_control.ros.common import RateCheck
@@ -85,25 +86,36 @@ class Logging:
         self._said.append(text)
 
 
-def test_a_rate_that_is_nearly_right_shows_after_some_ticks():
+def ended_by(times):
+    """Exit code of a node for 500 Hz and why it ended, by seq and time in ms of its samples."""
     said = []
     stop, state = Stop(), RobotState()
     check = RateCheck(Logging(said), stop, 500)
-    for seq in range(4):
-        state.stamp_ns = seq * 2_500_000
+    for seq, ms in times:
+        state.stamp_ns = round(1e6 * ms)
         check.check(1, seq, state)
-    assert stop.exit_code == 2
-    assert "come at 400 Hz" in said[0]
+    return stop.exit_code, " ".join(said)
 
 
 @pytest.mark.parametrize(
-    ("stamp", "words"), [(0, "carry no time"), (20_000_000, "come at 1000 Hz"), (40_000_000, "")]
+    ("period", "words"), [(2.5, "come at 400 Hz"), (1.0, "come at 1000 Hz"), (0.0, "carry no time")]
 )
-def test_samples_at_another_rate_end_the_node_with_a_reason(stamp, words):
-    said = []
-    stop, state = Stop(), RobotState()
-    state.stamp_ns = stamp
-    RateCheck(Logging(said), stop, 500).check(1, 20, state)
-    assert stop.exit_code == (2 if words else 0)
-    assert all(words in text for text in said)
-    assert bool(said) == bool(words)
+@pytest.mark.parametrize("first", [0, 20, 100_000])
+def test_samples_at_another_rate_end_the_node_with_a_reason(period, words, first):
+    code, said = ended_by([(seq, period * seq) for seq in range(first, first + 8)])
+    assert code == 2
+    assert words in said
+
+
+def test_a_rate_that_is_one_percent_off_shows_after_some_ticks():
+    assert ended_by([(seq, 2.02 * seq) for seq in range(60)])[0] == 2
+
+
+def test_every_tenth_sample_of_the_right_rate_is_enough():
+    assert ended_by([(seq, 2.0 * seq) for seq in range(0, 1000, 10)]) == (0, "")
+
+
+def test_samples_of_no_rate_do_not_end_the_node():
+    rng = np.random.default_rng(3)
+    seqs = np.cumsum(rng.integers(1, 1000, 200))
+    assert ended_by(zip(map(int, seqs), rng.uniform(-2e6, 2e6, 200), strict=True)) == (0, "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from typing import Any, Generic, TypeVar
 from rclpy.node import Node
 
 from cassie_control.ros.node_events import NodeEvents
+from cassie_msgs.bounds import CONFIRMED
 from cassie_msgs.layout import Sample
 from cassie_msgs.ros.diagnostics import ERROR, OK, Diagnostics
 from cassie_msgs.ros.parameters import on_change
@@ -103,28 +105,50 @@ class Conditions:
             self._diagnostics.set(subject, ERROR, problem)
 
 
-_RATE_SHOWS = 50
-"""Ticks after which times at a rate 1 % off differ by half a period."""
+_RATE_SHOWS = 55
+"""Ticks after which times at a rate 1 % off differ by more than half a period, several times."""
+
+_SAME_PERIOD = 1000.0  # ns by which periods between samples of one rate differ at most
 
 
 class RateCheck:
-    """Ends a node whose samples do not come at the rate for which its core was made."""
+    """Ends a node whose samples do not come at the rate for which its core was made.
+
+    A single sample with another time is no proof, as any node may send one: `CONFIRMED` samples
+    must come at one other rate.
+    """
 
     def __init__(self, node: Node, stop: Stop, control_rate: int) -> None:
         self._logger = node.get_logger()
         self._stop = stop
         self._rate = control_rate
-        self._episode = -1
+        self._checked = -1
+        self._begin(-1)
+
+    def _begin(self, episode: int) -> None:
+        self._episode, self._last = episode, (-1, 0)
+        self._period, self._proofs = math.nan, 0
 
     def check(self, episode: int, seq: int, sample: Sample) -> None:
         """Check samples until a rate 1 % off would show; cheap for later samples."""
-        if episode == self._episode or not seq:
+        if episode == self._checked:
             return
-        if seq >= _RATE_SHOWS:
-            self._episode = episode
-        stamp = sample.stamp_ns
-        if abs(stamp - seq * 1_000_000_000 // self._rate) > 500_000_000 // self._rate:
-            come = f"come at {seq * 1e9 / stamp:.6g} Hz" if stamp > 0 else "carry no time"
+        if episode != self._episode:
+            self._begin(episode)
+        (last_seq, last_stamp), stamp = self._last, sample.stamp_ns
+        if seq <= last_seq:
+            return
+        before, self._last = self._period, (seq, stamp)
+        self._period = (stamp - last_stamp) / (seq - last_seq) if last_seq >= 0 else math.nan
+        if abs(stamp - seq * 1_000_000_000 // self._rate) <= 500_000_000 // self._rate:
+            self._proofs = 0
+            if seq >= _RATE_SHOWS:
+                self._checked = episode
+            return
+        steady = not abs(self._period - before) > _SAME_PERIOD  # or too few samples to tell
+        self._proofs = self._proofs + 1 if steady else 0
+        if self._proofs >= CONFIRMED:
+            come = f"come at {1e9 / self._period:.6g} Hz" if self._period > 0.0 else "carry no time"
             self._logger.fatal(f"control_rate = {self._rate} Hz, but samples {come}")
             self._stop.request(exit_code=2)
 

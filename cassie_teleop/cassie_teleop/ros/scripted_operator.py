@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.experiment.file import read_experiment
-from cassie_msgs.layout import OperatorCommand, RobotState, header
+from cassie_msgs.layout import LayoutError, OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import (
@@ -85,14 +86,21 @@ class ScriptedOperatorNode(Node):
             self._waiter.wait(_LOOK_PERIOD)
             if states := self._states.take_last(_MOST):
                 heard = time.monotonic()
-                for raw in states:
-                    self._answer(raw)
-                _, _, _, newest = header(states[-1])
-                self._states.rest(PERIOD_TICKS - newest % PERIOD_TICKS)
-                self._diagnostics.set("script", diagnostics.OK, "playing")
+                self._answer_all(states)
             elif time.monotonic() - heard > _SILENCE:
                 message = f"no {RobotState.TOPIC} for more than {_SILENCE:g} s"
                 self._diagnostics.set("script", diagnostics.STALE, message)
+
+    def _answer_all(self, states: Sequence[bytes]) -> None:
+        try:
+            for raw in states:
+                self._answer(raw)
+        except LayoutError as error:
+            self._report("script", str(error))
+        else:
+            self._diagnostics.set("script", diagnostics.OK, "playing")
+        _, _, _, newest = header(states[-1])
+        self._states.rest(PERIOD_TICKS - newest % PERIOD_TICKS)
 
     def _report(self, subject: str, problem: str) -> None:
         level = diagnostics.ERROR if problem else diagnostics.OK
