@@ -6,7 +6,7 @@ The README of `cassie_control` has the texts of these rows, and the tests run th
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from cassie_bags.studies.failsafes.wall_paced import WallPaced
 
 Rng = np.random.Generator
+Test = Callable[["WallPaced", Rng, str], None]
+"""Makes a fail-safe happen in a run; raises `UnsafeError` if the robot does something else."""
 
 SPEEDS = {"stand": None, "step in place": 0.0, "walk": 0.8, "ride": None}
 """Activities of the robot when a row begins, with the walking speed. In m/s."""
@@ -46,7 +48,7 @@ class FailSafe:
         time: Time in which the robot acts.
         action: What the robot does.
         recovery: How to go on.
-        test: Makes it happen in a run; raises `UnsafeError` if the robot does something else.
+        test: Makes it happen in a run.
         states: Activities of the robot before, keys of `SPEEDS`.
         sections: Further sections of the experiment, drawn with the generator.
     """
@@ -56,9 +58,31 @@ class FailSafe:
     time: str
     action: str
     recovery: str
-    test: Callable[[WallPaced, Rng, str], None]
-    states: tuple[str, ...] = ON_FOOT
-    sections: Callable[[Rng, float], dict[str, Any]] = field(default=lambda rng, t: {})
+    test: Test
+    states: tuple[str, ...]
+    sections: Callable[[Rng, float], dict[str, Any]]
+
+
+ROWS: list[FailSafe] = []
+"""All rows, in the order of the table."""
+
+
+def _row(
+    trigger: str,
+    time: str,
+    action: str,
+    recovery: str,
+    states: tuple[str, ...] = ON_FOOT,
+    sections: Callable[[Rng, float], dict[str, Any]] = lambda rng, t: {},
+) -> Callable[[Test], Test]:
+    """Make a test the row of its name; the arguments are those of `FailSafe`."""
+
+    def add(test: Test) -> Test:
+        name = test.__name__.lstrip("_")
+        ROWS.append(FailSafe(name, trigger, time, action, recovery, test, states, sections))
+        return test
+
+    return add
 
 
 def _rests(run: WallPaced, state: str, limit: float = _STOP_TIME) -> None:
@@ -113,6 +137,24 @@ def _recovers(run: WallPaced) -> None:
         raise UnsafeError(f"does not stand after it was let down; {run.describe()}")
 
 
+def _damps_without(node: str, run: WallPaced, rng: Rng) -> None:
+    """Check that the drives damp while a node is silent, and that the robot then recovers."""
+    run.silent.add(node)
+    drives = run.plant.drives
+    run.until(lambda: bool(drives.damped), _WATCHDOG, "damping", upright=False)
+    run.hold(lambda: bool(drives.damped), float(rng.uniform(0.8, 2.5)), "damping")
+    run.restart(node)
+    run.run(1.0, upright=False)
+    _recovers(run)
+
+
+@_row(
+    "The radio's or page's link is bad",
+    "at once",
+    "stops and stands; on a Segway brakes and rides on",
+    "good link, then the speeds at zero once",
+    ALL,
+)
 def _link_lost(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.changes |= {"link": False}
     _rests(run, state)
@@ -120,6 +162,13 @@ def _link_lost(run: WallPaced, rng: Rng, state: str) -> None:
     _wants_arming(run, state)
 
 
+@_row(
+    "The operator's node is killed or stopped",
+    "0.5 s",
+    "stops and stands; on a Segway brakes and rides on",
+    "commands again, then the speeds at zero once",
+    ALL,
+)
 def _operator_silent(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.silent = True
     run.until(lambda: "operator lost" in str(run.faults), 0.6, "the fault")
@@ -128,7 +177,14 @@ def _operator_silent(run: WallPaced, rng: Rng, state: str) -> None:
     _wants_arming(run, state)
 
 
-def _flapping(run: WallPaced, rng: Rng, state: str) -> None:
+@_row(
+    "The link comes and goes every 0.05 to 0.7 s",
+    "at once",
+    "stops and stands; on a Segway brakes and rides on",
+    "good link, then the speeds at zero once",
+    ALL,
+)
+def _flapping_link(run: WallPaced, rng: Rng, state: str) -> None:
     for _ in range(8):
         good = bool(rng.integers(2))
         run.person.changes["link"] = good
@@ -141,6 +197,13 @@ def _flapping(run: WallPaced, rng: Rng, state: str) -> None:
     _wants_arming(run, state)
 
 
+@_row(
+    "Values that mean nothing arrive, and then nothing",
+    "at once",
+    "refuses them; stops and stands; on a Segway brakes and rides on",
+    "commands again, then the speeds at zero once",
+    ALL,
+)
 def _wild_values(run: WallPaced, rng: Rng, state: str) -> None:
     def garble(command: OperatorCommand) -> None:
         wild = rng.choice([np.nan, np.inf, -np.inf, 1e300, -1e9, 1e4, -50.0, 5.0], 12)
@@ -161,6 +224,13 @@ def _wild_values(run: WallPaced, rng: Rng, state: str) -> None:
     _wants_arming(run, state)
 
 
+@_row(
+    "Power is switched on while a mode or speed is asked for",
+    "at once",
+    "no power",
+    "ask for stand and no speed",
+    ("stand",),
+)
 def _power_on_refused(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.changes |= {"power": False}
     run.hang_up()
@@ -179,6 +249,12 @@ def _power_on_refused(run: WallPaced, rng: Rng, state: str) -> None:
     _recovers(run)
 
 
+@_row(
+    "The operator cuts the power, and asks for it while asking to walk",
+    "one physics step",
+    "no torque, no power",
+    "hang it up, ask for stand, power on, let it down",
+)
 def _power_cut(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.changes |= {"power": False}
     # A command takes some time to reach the robot; from then on the robot has a physics step.
@@ -189,20 +265,51 @@ def _power_cut(run: WallPaced, rng: Rng, state: str) -> None:
     _recovers(run)
 
 
-def _silent_node(node: str) -> Callable[[WallPaced, Rng, str], None]:
-    def test(run: WallPaced, rng: Rng, state: str) -> None:
-        run.silent.add(node)
-        damped = run.plant.drives
-        run.until(lambda: bool(damped.damped), _WATCHDOG, "damping", upright=False)
-        run.hold(lambda: bool(damped.damped), float(rng.uniform(0.8, 2.5)), "damping")
-        run.restart(node)
-        run.run(1.0, upright=False)
-        _recovers(run)
+@_row(
+    "Another operator presses the emergency stop",
+    "one physics step",
+    "no power, until the holder of the lease switches it off and on",
+    "hang it up, power off and on, let it down",
+)
+def _other_operator_stops(run: WallPaced, rng: Rng, state: str) -> None:
+    other = SimulatedOperator("person-2")
+    other.changes |= {"power": False}
+    run.others.append(other)
+    run.run(0.5)
+    other.changes |= {"emergency_stop": True}
+    run.until(lambda: not run.powered, 0.05, "no power", upright=False)
+    other.changes |= {"emergency_stop": False}
+    run.hold(lambda: not run.powered, 1.0, "no power until it was switched off and on")
+    _recovers(run)
 
-    return test
+
+@_row(
+    "The state estimator is killed, stopped or restarted",
+    "20 ms",
+    "drives damp",
+    "restart it; hang it up, power off and on, let it down",
+)
+def _estimator_silent(run: WallPaced, rng: Rng, state: str) -> None:
+    _damps_without(ESTIMATOR, run, rng)
 
 
-def _supervisor_lost(run: WallPaced, rng: Rng, state: str) -> None:
+@_row(
+    "The gait controller is killed, stopped or restarted",
+    "20 ms",
+    "drives damp",
+    "restart it; hang it up, power off and on, let it down",
+)
+def _controller_silent(run: WallPaced, rng: Rng, state: str) -> None:
+    _damps_without(CONTROLLER, run, rng)
+
+
+@_row(
+    "The mode supervisor is killed, stopped or restarted",
+    "0.4 s",
+    "the controller stops and stands by itself",
+    "restart it",
+)
+def _supervisor_silent(run: WallPaced, rng: Rng, state: str) -> None:
     run.silent.add(SUPERVISOR)
     run.run(float(rng.uniform(5.0, 7.0)))
     run.person.changes |= {"mode": RobotMode.STAND, "vx": 0.0}
@@ -215,16 +322,6 @@ def _supervisor_lost(run: WallPaced, rng: Rng, state: str) -> None:
         run.run(1.5)
 
 
-def _supervisor_riding(run: WallPaced, rng: Rng, state: str) -> None:
-    for _ in range(3):
-        run.silent.add(SUPERVISOR)
-        run.run(float(rng.uniform(0.2, 2.0)))
-        run.silent.discard(SUPERVISOR)
-        run.run(float(rng.uniform(0.2, 2.0)))
-        _hold_ride(run)
-    run.run(3.0)
-
-
 def _torque_sensor(rng: Rng, t: float) -> dict[str, Any]:
     kind = str(rng.choice(["off", "stuck", "nan", "spike"]))
     channel = f"drive_torque.{rng.integers(10)}"
@@ -232,12 +329,25 @@ def _torque_sensor(rng: Rng, t: float) -> dict[str, Any]:
     return {"faults": [{"t": t, "channel": channel, "kind": kind, **size}]}
 
 
-def _fault_in_samples(run: WallPaced, rng: Rng, state: str) -> None:
+@_row(
+    "A drive reports a torque other than the one commanded",
+    "0.1 s",
+    "stops and stands without that channel, if the error exceeds its bound",
+    "repair it",
+    sections=_torque_sensor,
+)
+def _torque_differs(run: WallPaced, rng: Rng, state: str) -> None:
     run.run(12.0)  # an error below the channel's bound is not reported
     if "without drive_torque" in str(run.faults) and run.mode is not RobotMode.STAND:
         raise UnsafeError(f"does not stand; {run.describe()}")
 
 
+@_row(
+    "The torso tilts by more than 0.8 rad",
+    "20 ms",
+    "drives damp until the torso has been upright for 1 s",
+    "power off, hang it up, power on, let it down",
+)
 def _attitude(run: WallPaced, rng: Rng, state: str) -> None:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     run.push((600.0 * float(np.cos(angle)), 600.0 * float(np.sin(angle)), 0.0), 0.3)
@@ -248,6 +358,13 @@ def _attitude(run: WallPaced, rng: Rng, state: str) -> None:
     _recovers(run)
 
 
+@_row(
+    "Somebody lifts it while it walks",
+    "0.5 s",
+    "ends walking, and stands once it is let down",
+    "ask for stand, then for walk",
+    WALKING,
+)
 def _lifted(run: WallPaced, rng: Rng, state: str) -> None:
     run.hang_up()
     run.until(lambda: run.mode is RobotMode.STAND, 2.0, "end walking in the air")
@@ -262,6 +379,12 @@ def _lifted(run: WallPaced, rng: Rng, state: str) -> None:
     run.run(2.0)
 
 
+@_row(
+    "The battery is low, and then empty",
+    "20 ms",
+    "warns; then stops, stands and sits down",
+    "charge it",
+)
 def _battery(run: WallPaced, rng: Rng, state: str) -> None:
     run.charge = float(rng.uniform(0.12, 0.18))
     run.until(lambda: "stop and charge it" in str(run.faults), 0.1, "the warning")
@@ -273,18 +396,12 @@ def _battery(run: WallPaced, rng: Rng, state: str) -> None:
     run.run(1.0)
 
 
-def _other_stops(run: WallPaced, rng: Rng, state: str) -> None:
-    other = SimulatedOperator("person-2")
-    other.changes |= {"power": False}
-    run.others.append(other)
-    run.run(0.5)
-    other.changes |= {"emergency_stop": True}
-    run.until(lambda: not run.powered, 0.05, "no power", upright=False)
-    other.changes |= {"emergency_stop": False}
-    run.hold(lambda: not run.powered, 1.0, "no power until it was switched off and on")
-    _recovers(run)
-
-
+@_row(
+    "A busy machine misses more than a fifth of the control ticks of a second",
+    "1 s",
+    "stops and stands",
+    "end what keeps the machine busy; walking may begin again",
+)
 def _missed_ticks(run: WallPaced, rng: Rng, state: str) -> None:
     share = float(rng.uniform(0.3, 0.5))
     run.drops = lambda: bool(rng.random() < share)
@@ -292,6 +409,12 @@ def _missed_ticks(run: WallPaced, rng: Rng, state: str) -> None:
     _rests(run, state)
 
 
+@_row(
+    "The link is lost and a push of 8 Ns comes",
+    "at once",
+    "stops and stands",
+    "good link, then the speeds at zero once",
+)
 def _link_lost_and_push(run: WallPaced, rng: Rng, state: str) -> None:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     force = 8.0 / 0.1
@@ -314,165 +437,30 @@ def _any_sensor(rng: Rng, t: float) -> dict[str, Any]:
     return {"faults": [{"t": t + float(rng.uniform(0.0, 0.5)), "channel": channel, "kind": kind}]}
 
 
+@_row(
+    "The link is lost and a sensor fails",
+    "at once",
+    "stops and stands without that channel",
+    "repair it",
+    sections=_any_sensor,
+)
 def _link_lost_and_sensor(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.changes |= {"link": False}
     _rests(run, state, limit=12.0)
 
 
-ROWS = (
-    FailSafe(
-        "link_lost",
-        "The radio's or page's link is bad",
-        "at once",
-        "stops and stands; on a Segway brakes and rides on",
-        "good link, then the speeds at zero once",
-        _link_lost,
-        ALL,
-    ),
-    FailSafe(
-        "operator_silent",
-        "The operator's node is killed or stopped",
-        "0.5 s",
-        "stops and stands; on a Segway brakes and rides on",
-        "commands again, then the speeds at zero once",
-        _operator_silent,
-        ALL,
-    ),
-    FailSafe(
-        "flapping_link",
-        "The link comes and goes every 0.05 to 0.7 s",
-        "at once",
-        "stops and stands; on a Segway brakes and rides on",
-        "good link, then the speeds at zero once",
-        _flapping,
-        ALL,
-    ),
-    FailSafe(
-        "wild_values",
-        "Values that mean nothing arrive, and then nothing",
-        "at once",
-        "refuses them; stops and stands; on a Segway brakes and rides on",
-        "commands again, then the speeds at zero once",
-        _wild_values,
-        ALL,
-    ),
-    FailSafe(
-        "power_on_refused",
-        "Power is switched on while a mode or speed is asked for",
-        "at once",
-        "no power",
-        "ask for stand and no speed",
-        _power_on_refused,
-        ("stand",),
-    ),
-    FailSafe(
-        "power_cut",
-        "The operator cuts the power, and asks for it while asking to walk",
-        "one physics step",
-        "no torque, no power",
-        "hang it up, ask for stand, power on, let it down",
-        _power_cut,
-    ),
-    FailSafe(
-        "other_operator_stops",
-        "Another operator presses the emergency stop",
-        "one physics step",
-        "no power, until the holder of the lease switches it off and on",
-        "hang it up, power off and on, let it down",
-        _other_stops,
-    ),
-    FailSafe(
-        "estimator_silent",
-        "The state estimator is killed, stopped or restarted",
-        "20 ms",
-        "drives damp",
-        "restart it; hang it up, power off and on, let it down",
-        _silent_node(ESTIMATOR),
-    ),
-    FailSafe(
-        "controller_silent",
-        "The gait controller is killed, stopped or restarted",
-        "20 ms",
-        "drives damp",
-        "restart it; hang it up, power off and on, let it down",
-        _silent_node(CONTROLLER),
-    ),
-    FailSafe(
-        "supervisor_silent",
-        "The mode supervisor is killed, stopped or restarted",
-        "0.4 s",
-        "the controller stops and stands by itself",
-        "restart it",
-        _supervisor_lost,
-    ),
-    FailSafe(
-        "torque_differs",
-        "A drive reports a torque other than the one commanded",
-        "0.1 s",
-        "stops and stands without that channel, if the error exceeds its bound",
-        "repair it",
-        _fault_in_samples,
-        ON_FOOT,
-        _torque_sensor,
-    ),
-    FailSafe(
-        "attitude",
-        "The torso tilts by more than 0.8 rad",
-        "20 ms",
-        "drives damp until the torso has been upright for 1 s",
-        "power off, hang it up, power on, let it down",
-        _attitude,
-    ),
-    FailSafe(
-        "lifted",
-        "Somebody lifts it while it walks",
-        "0.5 s",
-        "ends walking, and stands once it is let down",
-        "ask for stand, then for walk",
-        _lifted,
-        WALKING,
-    ),
-    FailSafe(
-        "battery",
-        "The battery is low, and then empty",
-        "20 ms",
-        "warns; then stops, stands and sits down",
-        "charge it",
-        _battery,
-    ),
-    FailSafe(
-        "missed_ticks",
-        "A busy machine misses more than a fifth of the control ticks of a second",
-        "1 s",
-        "stops and stands",
-        "end what keeps the machine busy; walking may begin again",
-        _missed_ticks,
-    ),
-    FailSafe(
-        "link_lost_and_push",
-        "The link is lost and a push of 8 Ns comes",
-        "at once",
-        "stops and stands",
-        "good link, then the speeds at zero once",
-        _link_lost_and_push,
-    ),
-    FailSafe(
-        "link_lost_and_sensor",
-        "The link is lost and a sensor fails",
-        "at once",
-        "stops and stands without that channel",
-        "repair it",
-        _link_lost_and_sensor,
-        ON_FOOT,
-        _any_sensor,
-    ),
-    FailSafe(
-        "supervisor_riding",
-        "The mode supervisor is silent again and again on a Segway",
-        "0.4 s",
-        "the controller brakes and rides on by itself",
-        "restart it if it stays silent",
-        _supervisor_riding,
-        ("ride",),
-    ),
+@_row(
+    "The mode supervisor is silent again and again on a Segway",
+    "0.4 s",
+    "the controller brakes and rides on by itself",
+    "restart it if it stays silent",
+    ("ride",),
 )
+def _supervisor_riding(run: WallPaced, rng: Rng, state: str) -> None:
+    for _ in range(3):
+        run.silent.add(SUPERVISOR)
+        run.run(float(rng.uniform(0.2, 2.0)))
+        run.silent.discard(SUPERVISOR)
+        run.run(float(rng.uniform(0.2, 2.0)))
+        _hold_ride(run)
+    run.run(3.0)
