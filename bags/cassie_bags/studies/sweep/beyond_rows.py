@@ -16,10 +16,11 @@ from cassie_bags.studies.sweep.course import (
     reached_at,
     robots,
     steady,
+    straight,
     tenths,
     walk,
 )
-from cassie_bags.studies.sweep.row import Row
+from cassie_bags.studies.sweep.row import Row, at_most
 from cassie_bags.studies.sweep.standing_rows import SETTLED, stand
 from cassie_bags.studies.sweep.walking_rows import SLIP, pushed, top_speed, turning
 from cassie_bags.studies.trial import Measures, Trial
@@ -84,16 +85,15 @@ def _far() -> Row:
             budget, seed, (end - 1.0, end), vx=speed, ahead=FIVE_KILOMETRES, history=HISTORY
         )
 
-    return Row(
+    return at_most(
         "far.level",
         f"time for five kilometres on level ground at {FAR_SPEED:g} m/s",
         "min",
         53.0,
-        (FAR_SPEED,),
         robots(trial),
+        lambda measures, _: measures["end"] / 60.0,
+        FAR_SPEED,
         holds=lambda measures, _: measures["ahead"] >= FIVE_KILOMETRES,
-        figure=lambda measures, _: measures["end"] / 60.0,
-        at_least=False,
     )
 
 
@@ -126,16 +126,8 @@ def _everything() -> Row:
         errors = [abs(abs(measures[name]) / value - 1.0) for name, value in EVERYTHING.items()]
         return 100.0 * max(errors)
 
-    return Row(
-        "speed.everything",
-        "largest error of 1 m/s, 0.2 m/s sideways and 0.4 rad/s at once",
-        "%",
-        5.0,
-        (1.0,),
-        robots(trial),
-        figure=missed,
-        at_least=False,
-    )
+    title = "largest error of 1 m/s, 0.2 m/s sideways and 0.4 rad/s at once"
+    return at_most("speed.everything", title, "%", 5.0, robots(trial), missed, 1.0)
 
 
 def _force(name: str, title: str, trials: Trials) -> Row:
@@ -210,13 +202,5 @@ def _push(name: str, title: str, speed: float, angle: int, fore: float, aside: f
 
 
 def _cost(name: str, title: str, unit: str, speed: float, target: float, figure: str) -> Row:
-    return Row(
-        f"transport_{name}.{speed:g}",
-        f"{title} at {speed:g} m/s",
-        unit,
-        target,
-        (speed,),
-        robots(lambda budget, seed, vx: walk(budget, seed, steady(budget, vx), vx=vx)),
-        figure=figure,
-        at_least=False,
-    )
+    title = f"{title} at {speed:g} m/s"
+    return at_most(f"transport_{name}.{speed:g}", title, unit, target, straight, figure, speed)

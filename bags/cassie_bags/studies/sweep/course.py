@@ -146,6 +146,12 @@ def walk(
     return Trial(content, seed, window, ahead, budget.changes, history=history)
 
 
+straight: Trials = robots(
+    lambda budget, seed, speed: walk(budget, seed, steady(budget, speed), vx=speed)
+)
+"""Trials of walking straight ahead, with the level as commanded speed (m/s)."""
+
+
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
     """Trial of walking at a speed with learned torques and, as second run, without.
 

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from cassie_bags.studies.sweep.course import Budget, comparison, robots, steady, walk
-from cassie_bags.studies.sweep.row import Figure, Row
+from cassie_bags.studies.sweep.course import (
+    Budget,
+    comparison,
+    robots,
+    steady,
+    straight,
+    walk,
+)
+from cassie_bags.studies.sweep.row import Figure, Row, at_most
 from cassie_bags.studies.trial import Trial, ratio_to_reference
 
 SPEED = 0.5
@@ -57,27 +64,18 @@ def _tracking(speed: float) -> Row:
     def trial(budget: Budget, seed: int, level: float) -> Trial:
         return comparison(seed, level, 0.25 * budget.seconds, budget.changes)
 
-    return Row(
+    return at_most(
         f"tracking.{speed:+g}",
         f"outputs' RMS error at {speed:g} m/s, by that without learned torques",
         "%",
         70.0,
-        (speed,),
         robots(trial),
+        lambda measures, _: 100.0 * ratio_to_reference(measures),
+        speed,
         holds=lambda measures, _: not measures["reference_fell"],
-        figure=lambda measures, _: 100.0 * ratio_to_reference(measures),
-        at_least=False,
     )
 
 
 def _estimate(name: str, title: str, unit: str, figure: Figure, target: float = 0.03) -> Row:
-    return Row(
-        f"estimator.{name}",
-        f"{title} at {SPEED:g} m/s",
-        unit,
-        target,
-        (SPEED,),
-        robots(lambda budget, seed, speed: walk(budget, seed, steady(budget, speed), vx=speed)),
-        figure=figure,
-        at_least=False,
-    )
+    title = f"{title} at {SPEED:g} m/s"
+    return at_most(f"estimator.{name}", title, unit, target, straight, figure, SPEED)

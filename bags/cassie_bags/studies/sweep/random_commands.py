@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from cassie_bags.run.seed import Stream
@@ -32,9 +33,12 @@ _HEIGHTS = (0.39, 1.01)
 def radio_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
     """Steps of a radio whose sticks, slider and switches jump at random. Times in s."""
     rng, other = Stream.RADIO.rng(seed), Stream.RADIO.rng(seed, 1)
+
+    def pause() -> float:
+        return rng.uniform(*(_FLICKS if rng.random() < _FLICK_CHANCE else _HOLDS))
+
     steps: list[dict[str, Any]] = []
-    time = begin
-    while time < end:
+    for time in _times(begin, end, pause):
         step: dict[str, Any] = {"t": round(time, 3)}
         for name, (low, middle, high) in _STICKS.items():
             if rng.random() < _MOVES:
@@ -48,31 +52,38 @@ def radio_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
                 step[name] = float(other.choice((-most, 0.0, most)))
             step["trims"] = other.choice((-_TRIM, 0.0, _TRIM), 4).tolist()
         steps.append(step)
-        time += rng.uniform(*(_FLICKS if rng.random() < _FLICK_CHANCE else _HOLDS))
     return steps
 
 
 def riding_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
     """Steps of random leans and heights within the message's range, for riding. Times in s."""
     rng = Stream.LEANS.rng(seed)
-    steps: list[dict[str, Any]] = []
-    time = begin
-    while time < end:
-        step = {name: round(float(rng.uniform(-most, most)), 3) for name, most in _LEANS.items()}
-        step["height"] = round(float(rng.uniform(*_HEIGHTS)), 3)
-        steps.append({"t": round(time, 3), **step})
-        time += float(rng.uniform(0.3, 4.0))
-    return steps
+    return [
+        {
+            "t": round(time, 3),
+            **{name: round(rng.uniform(-most, most), 3) for name, most in _LEANS.items()},
+            "height": round(rng.uniform(*_HEIGHTS), 3),
+        }
+        for time in _times(begin, end, lambda: rng.uniform(0.3, 4.0))
+    ]
 
 
 def standing_commands(seed: int, begin: float, end: float) -> list[dict[str, Any]]:
     """Steps of random sliders and sticks of standing, over their whole range. Times in s."""
     rng = Stream.STANDING_COMMANDS.rng(seed)
-    steps: list[dict[str, Any]] = []
+    return [
+        {
+            "t": round(time, 3),
+            "height": rng.uniform(*_HEIGHTS),
+            **{name: rng.uniform(-most, most) for name, most in _SHIFTS.items()},
+        }
+        for time in _times(begin, end, lambda: rng.uniform(0.1, 3.0))
+    ]
+
+
+def _times(begin: float, end: float, pause: Callable[[], float]) -> Iterator[float]:
+    """Times from `begin` on, before `end`, with a pause between two of them. All in s."""
     time = begin
     while time < end:
-        step = {"t": round(time, 3), "height": float(rng.uniform(*_HEIGHTS))}
-        step |= {name: float(rng.uniform(-most, most)) for name, most in _SHIFTS.items()}
-        steps.append(step)
-        time += rng.uniform(0.1, 3.0)
-    return steps
+        yield time
+        time += pause()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cassie_bags.run.provenance import Origin
-from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.course import Budget, Trials
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_bags.studies.workers import Workers
 
@@ -45,7 +45,7 @@ class Row:
     unit: str
     target: float
     levels: Sequence[float]
-    trials: Callable[[Budget, float], list[Trial]]
+    trials: Trials
     holds: Callable[[Measures, float], bool] = lambda measures, level: True
     figure: Figure | None = None
     share: float = 1.0
@@ -65,6 +65,31 @@ class Row:
         if self.start is not None:
             return self.start
         return self.levels.index(self.target) if self.target in self.levels else 0
+
+
+def at_most(
+    name: str,
+    title: str,
+    unit: str,
+    target: float,
+    trials: Trials,
+    figure: Figure,
+    level: float = 0.0,
+    **more: Any,
+) -> Row:
+    """A row of one level, whose figure must be at most the target; arguments as in `Row`."""
+    return Row(name, title, unit, target, (level,), trials, figure=figure, at_least=False, **more)
+
+
+def counted(
+    name: str,
+    title: str,
+    trials: Trials,
+    holds: Callable[[Measures, float], bool] = lambda measures, level: True,
+    level: float = 0.0,
+) -> Row:
+    """A row of one level, whose figure is the share of the trials that hold: all of them must."""
+    return Row(name, title, "%", 100.0, (level,), trials, holds, counts=True)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 
 from cassie_bags.studies.sweep.course import Budget, Trials, mirrored, push, robots
 from cassie_bags.studies.sweep.random_commands import riding_commands
-from cassie_bags.studies.sweep.row import Figure, Row
+from cassie_bags.studies.sweep.row import Row, at_most, counted
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_gaits.robot import WEIGHT
 
@@ -88,15 +88,14 @@ def ride(
 def segway_rows() -> list[Row]:
     """All rows of this module."""
     return [
-        Row(
+        at_most(
             "segway.speed",
             f"{TOP:g} m/s on a sidewalk within 10 s, greatest error in {HELD:g} s",
             "m/s",
             STEADY,
-            (TOP,),
             _held("sidewalk"),
-            figure=_off,
-            at_least=False,
+            _off,
+            TOP,
         ),
         Row(
             "segway.grass",
@@ -107,8 +106,23 @@ def segway_rows() -> list[Row]:
             _held("grass"),
             holds=lambda measures, speed: _off(measures, speed) <= STEADY,
         ),
-        _row("brake", f"time to rest from {TOP:g} m/s", "s", 6.0, TOP, _brakes, "stop_time"),
-        _row("still", f"way in {HELD:g} s of standing on it", "m", 0.5, 0.0, _rests, "ride_drift"),
+        at_most(
+            "segway.brake",
+            f"time to rest from {TOP:g} m/s",
+            "s",
+            6.0,
+            robots(_brakes),
+            "stop_time",
+            TOP,
+        ),
+        at_most(
+            "segway.still",
+            f"way in {HELD:g} s of standing on it",
+            "m",
+            0.5,
+            robots(_rests),
+            "ride_drift",
+        ),
         Row(
             "segway.turn",
             "turn rate at 1 m/s",
@@ -119,14 +133,14 @@ def segway_rows() -> list[Row]:
             holds=lambda measures, _: abs(measures["vx"] - 1.0) <= 0.2,
             figure=lambda measures, _: abs(measures["yaw_rate"]),
         ),
-        _row(
-            "slalom",
+        at_most(
+            "segway.slalom",
             "distance from the middle of ten gates 3 m apart, 0.2 m to a side, at 2 m/s",
             "m",
             GATE,
-            2.0,
-            _weaves,
+            robots(_weaves),
             "gate_miss",
+            2.0,
         ),
         Row(
             "segway.push",
@@ -137,41 +151,21 @@ def segway_rows() -> list[Row]:
             robots(_pushed),
             holds=lambda measures, _: abs(measures["vx"] - 2.0) <= 0.5,
         ),
-        _row(
-            "alone",
+        at_most(
+            "segway.alone",
             "greatest error of 2 m/s in 30 s by its own estimate, nobody leaning",
             "m/s",
             1.0,
-            2.0,
-            _alone,
+            robots(_alone),
             _off,
+            2.0,
         ),
-        Row(
+        counted(
             "segway.leans",
             "robots that bear random leans and heights on it for 5 min",
-            "%",
-            100.0,
-            (0.0,),
             robots(_leans),
-            counts=True,
         ),
     ]
-
-
-def _row(
-    name: str,
-    title: str,
-    unit: str,
-    target: float,
-    level: float,
-    trial: Callable[[Budget, int, float], Trial],
-    figure: Figure,
-) -> Row:
-    """A row of one level, whose figure must be at most the target."""
-    trials = robots(trial)
-    return Row(
-        f"segway.{name}", title, unit, target, (level,), trials, figure=figure, at_least=False
-    )
 
 
 def _held(surface: str) -> Trials:
@@ -248,15 +242,14 @@ def shaking_rows() -> list[Row]:
             for law in ("standing", "riding")
         ]
         rows.append(
-            Row(
+            at_most(
                 f"segway_shaking.shipped_{title}",
                 f"RMS of the platform's pitch with the shipped gains, {title} platform",
                 "deg",
                 QUIET,
-                (1.0,),
                 robots(_shaken("shipped", softness)),
-                figure="platform_rms",
-                at_least=False,
+                "platform_rms",
+                1.0,
             )
         )
     return rows

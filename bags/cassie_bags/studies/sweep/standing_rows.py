@@ -8,7 +8,7 @@ from typing import Any
 
 from cassie_bags.studies.sweep.course import Budget, push, robots
 from cassie_bags.studies.sweep.random_commands import standing_commands
-from cassie_bags.studies.sweep.row import Row
+from cassie_bags.studies.sweep.row import Row, at_most, counted
 from cassie_bags.studies.trial import Measures, Trial
 
 HEIGHT = 0.9
@@ -85,8 +85,13 @@ def standing_rows() -> list[Row]:
         *(row(name, angle) for name, angle in around.items() for row in (_slope, _tilting)),
         _sinking(),
         _drop(),
-        _counted("stand_in.boot", "stands up, booted with the torso hanging at 0.5 m", _booted),
-        _counted("stand_in.from_steps", "stands after stepping in place", _from_steps),
+        counted(
+            "stand_in.boot",
+            "stands up, booted with the torso hanging at 0.5 m",
+            robots(_booted),
+            rests,
+        ),
+        counted("stand_in.from_steps", "stands after stepping in place", robots(_steps), rests),
         _late(),
         _random(),
         _quiet("com_rms", "CoM about its mean, RMS,", 0.003),
@@ -139,18 +144,13 @@ def _recovery(name: str, angle: float) -> Row:
 
 
 def _height(name: str, title: str, first: float, then: float) -> Row:
-    return _row(
-        f"height.{name}",
-        f"height error after 2 s {title}, held 3 s",
-        "m",
-        _NEAR,
-        (0.0,),
-        lambda budget, seed, _: stand(
-            budget, seed, SETTLED + 5.0, 3.0, height=first, then=[{"t": SETTLED, "height": then}]
-        ),
-        figure="height_off",
-        at_least=False,
-    )
+    def trial(budget: Budget, seed: int, _: float) -> Trial:
+        steps = [{"t": SETTLED, "height": then}]
+        return stand(budget, seed, SETTLED + 5.0, 3.0, height=first, then=steps)
+
+    title = f"height error after 2 s {title}, held 3 s"
+    trials = robots(trial)
+    return at_most(f"stand_height.{name}", title, "m", _NEAR, trials, "height_off", holds=rests)
 
 
 def _on(
@@ -245,34 +245,26 @@ def _drop() -> Row:
     return _row("drop.height", "drop out of the gantry", "m", 0.1, levels, trial)
 
 
-def _counted(
-    name: str,
-    title: str,
-    trial: Callable[[Budget, int, float], Trial],
-    holds: Callable[[Measures, float], bool] = rests,
-) -> Row:
-    """A row of one level, whose figure is the share of the robots that hold it."""
-    return Row(name, title, "%", 100.0, (0.0,), robots(trial), holds, counts=True)
-
-
 def _booted(budget: Budget, seed: int, _: float) -> Trial:
     moves = [{"t": 0.3, "hold": 0.5, "speed": 0.5}, {"t": 4.0, "height": 0.4}]
     power = [{"t": 0.1, "power": False}, {"t": 3.0, "power": True}]
     return stand(budget, seed, 12.0, gantry=moves, then=power)
 
 
-def _from_steps(budget: Budget, seed: int, _: float) -> Trial:
+def _steps(budget: Budget, seed: int, _: float) -> Trial:
     modes = [{"t": SETTLED, "mode": "walk"}, {"t": SETTLED + 5.0, "mode": "stand"}]
     return stand(budget, seed, SETTLED + 14.0, height=0.95, then=modes)
 
 
 def _late() -> Row:
-    return _counted(
+    def trial(budget: Budget, seed: int, _: float) -> Trial:
+        pushes = [push(SETTLED, 5.0, 45.0)]
+        return stand(budget, seed, SETTLED + _AFTER, delays=_LATE, pushes=pushes)
+
+    return counted(
         "stand_late.both",
         "stands, pushed by 5 Ns, with torques 2 ms and set-points 15 ms later",
-        lambda budget, seed, _: stand(
-            budget, seed, SETTLED + _AFTER, delays=_LATE, pushes=[push(SETTLED, 5.0, 45.0)]
-        ),
+        robots(trial),
         lambda measures, level: rests(measures, level) and measures["shaking"] < _SHAKES,
     )
 
@@ -283,7 +275,7 @@ def _random() -> Row:
         return stand(budget, seed, end, then=standing_commands(seed, SETTLED, end))
 
     title = "bears heights, CoM shifts and leans at random for 5 min"
-    return _counted("stand_random.commands", title, trial, lambda *_: True)
+    return counted("stand_random.commands", title, robots(trial))
 
 
 def _quiet(name: str, title: str, target: float) -> Row:
@@ -291,13 +283,5 @@ def _quiet(name: str, title: str, target: float) -> Row:
         seconds = _LASTS * budget.seconds
         return stand(budget, seed, SETTLED + seconds, seconds)
 
-    return Row(
-        f"stand_quiet.{name}",
-        f"{title} in 5 min of quiet standing",
-        "m",
-        target,
-        (0.0,),
-        robots(trial),
-        figure=name,
-        at_least=False,
-    )
+    title = f"{title} in 5 min of quiet standing"
+    return at_most(f"stand_quiet.{name}", title, "m", target, robots(trial), name)

@@ -118,25 +118,11 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
     Raises:
         OSError: if the file cannot be written.
     """
+    stored = [_stored(row, results) for row in rows]
     content = {
         "versions": versions(),
         "budget": asdict(budget),
-        "rows": [
-            {
-                "name": row.name,
-                "title": row.title,
-                "unit": row.unit,
-                "target": row.target,
-                "at_least": row.at_least,
-                "results": {
-                    variant: asdict(found[row.name])
-                    for variant, found in results.items()
-                    if row.name in found
-                },
-            }
-            for row in rows
-            if any(row.name in found for found in results.values())
-        ],
+        "rows": [asdict(row) for row in stored if row.results],
     }
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(finite(content), indent=1, allow_nan=False), encoding="utf-8")
@@ -171,6 +157,11 @@ class StoredRow:
     def bound(self) -> str:
         """The target with its unit, and a sign for the side on which figures must lie."""
         return f"{'≥' if self.at_least else '≤'} {self.target:g} {self.unit}".rstrip()
+
+
+def _stored(row: Row, results: Results) -> StoredRow:
+    own = {name: found[row.name] for name, found in results.items() if row.name in found}
+    return StoredRow(row.name, row.title, row.unit, row.target, row.at_least, own)
 
 
 def read_rows(path: Path) -> list[StoredRow]:
@@ -219,31 +210,30 @@ def _content(path: Path) -> dict[str, Any]:
 
 def _rows(path: Path, content: Mapping[str, Any]) -> list[StoredRow]:
     try:
-        return [
-            StoredRow(
-                **{
-                    **entry,
-                    "results": {name: _result(found) for name, found in entry["results"].items()},
-                }
-            )
-            for entry in content["rows"]
-        ]
+        return [_row(entry) for entry in content["rows"]]
     except (AttributeError, KeyError, TypeError):
         raise ExperimentError(f"{path} holds no results of sweeps") from None
 
 
-def _result(content: Mapping[str, Any]) -> RowResult:
-    def number(value: float | None) -> float:
-        return math.nan if value is None else value
+def _row(content: Mapping[str, Any]) -> StoredRow:
+    results = {name: _result(found) for name, found in content["results"].items()}
+    return StoredRow(**{**content, "results": results})
 
-    levels = [
-        Level(**{**level, "worst": number(level["worst"]), "mean": number(level["mean"])})
-        for level in content["levels"]
-    ]
+
+def _result(content: Mapping[str, Any]) -> RowResult:
     origin = content.get("origin")
     read = {
-        "measured": number(content["measured"]),
-        "levels": levels,
+        "measured": _number(content["measured"]),
+        "levels": [_level(level) for level in content["levels"]],
         "origin": None if origin is None else Origin(**origin),
     }
     return RowResult(**{**content, **read})
+
+
+def _level(content: Mapping[str, Any]) -> Level:
+    figures = {name: _number(content[name]) for name in ("worst", "mean")}
+    return Level(**{**content, **figures})
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

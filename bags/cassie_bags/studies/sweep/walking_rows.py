@@ -16,11 +16,12 @@ from cassie_bags.studies.sweep.course import (
     reached_at,
     robots,
     steady,
+    straight,
     tenths,
     walk,
 )
 from cassie_bags.studies.sweep.random_commands import radio_commands
-from cassie_bags.studies.sweep.row import Row
+from cassie_bags.studies.sweep.row import Row, at_most, counted
 from cassie_bags.studies.trial import Trial
 
 SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
@@ -73,15 +74,14 @@ def walking_rows() -> list[Row]:
 
 
 def _speed(speed: float) -> Row:
-    return Row(
+    return at_most(
         f"speed.{speed:+g}",
         f"speed error at {speed:g} m/s",
         "m/s",
         0.03,
-        (speed,),
-        robots(lambda budget, seed, vx: walk(budget, seed, steady(budget, vx), vx=vx)),
-        figure=lambda measures, vx: abs(measures["vx"] - vx),
-        at_least=False,
+        straight,
+        lambda measures, vx: abs(measures["vx"] - vx),
+        speed,
         achieved="vx",
     )
 
@@ -113,15 +113,14 @@ def _sideways(name: str, speed: float) -> Row:
     def trial(budget: Budget, seed: int, vy: float) -> Trial:
         return walk(budget, seed, steady(budget, vy, 0.5 * budget.seconds), vy=vy)
 
-    return Row(
+    return at_most(
         f"sideways.{name}",
         f"sideways speed error at {speed:+g} m/s",
         "m/s",
         0.05,
-        (speed,),
         robots(trial),
-        figure=lambda measures, vy: abs(measures["vy"] - vy),
-        at_least=False,
+        lambda measures, vy: abs(measures["vy"] - vy),
+        speed,
         achieved="vy",
     )
 
@@ -155,41 +154,27 @@ def _drift(name: str, title: str, target: float, *changes: str) -> Row:
         changed = dataclasses.replace(budget, changes=(*budget.changes, *changes))
         return walk(changed, seed, (begin, begin + DRIFT_TIME))
 
-    return Row(
-        f"drift.{name}",
-        f"drift in place in {DRIFT_TIME:g} s, {title} position hold",
-        "m",
-        target,
-        (0.0,),
-        robots(trial),
-        figure="drift_of_steps",
-        at_least=False,
-    )
+    title = f"drift in place in {DRIFT_TIME:g} s, {title} position hold"
+    return at_most(f"drift.{name}", title, "m", target, robots(trial), "drift_of_steps")
 
 
 def _stop(speed: float) -> Row:
     def trials(budget: Budget, vx: float) -> list[Trial]:
         begin = reached_at(vx) + SETTLING
         end = begin + abs(vx) / 0.3 + STOPPED_WITHIN
+        stand = {"mode": "stand", "vx": 0.0}
         return [
-            walk(budget, seed, (end - 1.0, end), vx=vx, then=[_stand_at(begin + delay)])
+            walk(budget, seed, (end - 1.0, end), vx=vx, then=[{"t": begin + delay, **stand}])
             for delay, seed in budget.each_phase(vx)
         ]
 
-    return Row(
+    return counted(
         f"stop.{speed:+g}",
         f"walk to stand from {speed:g} m/s, 10 phases",
-        "%",
-        100.0,
-        (speed,),
         trials,
-        holds=lambda measures, _: measures["standing"] > 0.0 and measures["end_speed"] < 0.02,
-        counts=True,
+        lambda measures, _: measures["standing"] > 0.0 and measures["end_speed"] < 0.02,
+        speed,
     )
-
-
-def _stand_at(time: float) -> dict[str, object]:
-    return {"t": time, "mode": "stand", "vx": 0.0}
 
 
 def _push(where: str, speed: float, name: str, fore: float, aside: float) -> Row:
@@ -230,12 +215,5 @@ def _radio() -> Row:
         end = COMMAND_AT + RADIO_TIME * budget.seconds
         return walk(budget, seed, (end - 1.0, end), then=radio_commands(seed, COMMAND_AT, end))
 
-    return Row(
-        "radio.jumps",
-        "robots that bear sticks and switches at random for 5 min",
-        "%",
-        100.0,
-        (0.0,),
-        robots(trial),
-        counts=True,
-    )
+    title = "robots that bear sticks and switches at random for 5 min"
+    return counted("radio.jumps", title, robots(trial))
