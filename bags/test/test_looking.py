@@ -420,6 +420,12 @@ def test_a_layout_of_another_version_is_read_by_its_definition(tmp_path: Path):
     assert table.fields["torque.1"].tolist() == [-2.0]
 
 
+def test_times_are_the_nearest_numbers_to_those_of_the_clock():
+    times = np.array([18_000_000, 10**18, 1_700_000_000_018_000_000])
+    table = Table("/topic", "a/msg/B", times, times, {})
+    assert table.columns()["time"].tolist() == [0.018, 1e9, 1_700_000_000.018]
+
+
 @pytest.mark.parametrize("log_time", [2**63, 2**64 - 1])
 def test_log_times_of_64_bits_are_read_as_they_are(tmp_path: Path, log_time: int):
     path = tmp_path / "late.mcap"

@@ -75,7 +75,7 @@ class Table:
     def columns(self) -> dict[str, Array]:
         """Every column by name, times first; an entry of an array is named `field.component`."""
         columns: dict[str, Array] = {
-            "time": self.log_time * 1e-9,
+            "time": self.log_time / 1e9,  # the nearest number; a product may be the next one
             "log_time": self.log_time,
             "publish_time": self.publish_time,
         }
