@@ -92,10 +92,31 @@ def add_jobs(parser: argparse.ArgumentParser, *, elsewhere: bool = False) -> Non
         )
 
 
+def add_number(
+    parser: argparse.ArgumentParser,
+    option: str,
+    kind: Callable[[str], float],
+    default: float,
+    words: str,
+    metavar: str = "N",
+) -> None:
+    """An option with a number, whose help ends with its default.
+
+    Args:
+        parser: Parser of the command.
+        option: Name of the option.
+        kind: Reads the word, and refuses wrong ones.
+        default: Number without this option.
+        words: Meaning of the number, for the help.
+        metavar: The number in the help.
+    """
+    words = f"{words} (default {default:g})"
+    parser.add_argument(option, type=kind, default=default, metavar=metavar, help=words)
+
+
 def add_seed(parser: argparse.ArgumentParser, default: int) -> None:
     """Option `--seed`: the seed of the robot."""
-    words = f"seed of robot and noise, 0 for the nominal robot (default {default})"
-    parser.add_argument("--seed", type=count, default=default, metavar="N", help=words)
+    add_number(parser, "--seed", count, default, "seed of robot and noise, 0 for the nominal robot")
 
 
 def add_set(parser: argparse.ArgumentParser, words: str) -> None:
@@ -116,8 +137,7 @@ def add_set(parser: argparse.ArgumentParser, words: str) -> None:
 
 def add_seeds(parser: argparse.ArgumentParser, default: int, use: str) -> None:
     """Option `--seeds`: the number of drawn robots; their seeds begin at 1."""
-    words = f"robots {use}, drawn by seeds 1 to N (default {default})"
-    parser.add_argument("--seeds", type=positive, default=default, metavar="N", help=words)
+    add_number(parser, "--seeds", positive, default, f"robots {use}, drawn by seeds 1 to N")
 
 
 def add_out(parser: argparse.ArgumentParser, command: str) -> None:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, count, positive
+from cassie_bags.cli.arguments import add_jobs, add_number, count, positive
 from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
@@ -19,16 +19,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("rows", nargs="*", metavar="ROW", help="rows (default: all)")
     parser.add_argument("--list", action="store_true", help="list all rows and exit")
-    parser.add_argument(
-        "--phases", type=positive, default=20, metavar="N", help="runs of each row (default 20)"
-    )
-    parser.add_argument(
-        "--first",
-        type=count,
-        default=0,
-        metavar="N",
-        help="number of the first run; it decides time and robot (default 0)",
-    )
+    add_number(parser, "--phases", positive, 20, "runs of each row")
+    add_number(parser, "--first", count, 0, "number of the first run; it decides time and robot")
     add_jobs(parser)
     parser.add_argument(
         "--write",

@@ -6,7 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_out, add_seeds, add_set, positive, seconds
+from cassie_bags.cli.arguments import (
+    add_jobs,
+    add_number,
+    add_out,
+    add_seeds,
+    add_set,
+    positive,
+    seconds,
+)
 from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
@@ -18,27 +26,9 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("done", "tracking or falls got worse at a speed"),
     )
     add_seeds(parser, 4, "to learn with")
-    parser.add_argument(
-        "--rounds",
-        type=positive,
-        default=2,
-        metavar="N",
-        help="rounds of learning; each begins at the last mean (default 2)",
-    )
-    parser.add_argument(
-        "--seconds",
-        type=seconds,
-        default=10.0,
-        metavar="S",
-        help="time of learning at each speed, in s (default 10)",
-    )
-    parser.add_argument(
-        "--held-out",
-        type=positive,
-        default=3,
-        metavar="N",
-        help="number of other robots for the comparison (default 3)",
-    )
+    add_number(parser, "--rounds", positive, 2, "rounds of learning; each begins at the last mean")
+    add_number(parser, "--seconds", seconds, 10.0, "time of learning at each speed, in s", "S")
+    add_number(parser, "--held-out", positive, 3, "number of other robots for the comparison")
     parser.add_argument("--speeds", type=float, nargs="+", metavar="V", help="speeds in m/s")
     parser.add_argument(
         "--begin",

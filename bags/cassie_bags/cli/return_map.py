@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_results, add_seed
+from cassie_bags.cli.arguments import add_jobs, add_number, add_results, add_seed
 from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
@@ -34,13 +34,7 @@ def _parser() -> argparse.ArgumentParser:
         help="m/s (default: those of the library's gaits)",
     )
     add_seed(parser, 0)
-    add(
-        "--impulse",
-        type=float,
-        default=4.0,
-        metavar="NS",
-        help="impulse of each push, in N s (default 4)",
-    )
+    add_number(parser, "--impulse", float, 4.0, "impulse of each push, in N s", "NS")
     add_jobs(parser)
     add(
         "--out", type=Path, metavar="FOLDER", help="draw the decay into this folder: return_map.png"

@@ -6,7 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_out, add_set, count, in_range, positive
+from cassie_bags.cli.arguments import (
+    add_jobs,
+    add_number,
+    add_out,
+    add_set,
+    count,
+    in_range,
+    positive,
+)
 from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
 
 
@@ -30,47 +38,14 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="file of courses, model errors and costs (default: the package's)",
     )
-    parser.add_argument(
-        "--seeds",
-        type=positive,
-        default=2,
-        metavar="N",
-        help="new robots in each generation (%(default)s)",
-    )
-    parser.add_argument(
-        "--held-out",
-        type=count,
-        default=10,
-        metavar="N",
-        help="other robots for the final report (%(default)s)",
-    )
-    parser.add_argument(
-        "--generations", type=count, default=30, metavar="N", help="total number (%(default)s)"
-    )
-    parser.add_argument(
-        "--population",
-        type=_population,
-        default=0,
-        metavar="N",
-        help="size of a generation; 0: auto (0)",
-    )
-    parser.add_argument(
-        "--factor",
-        type=in_range(1.01, 100.0, "1.01 .. 100"),
-        default=2.0,
-        metavar="RATIO",
-        help="largest factor on a value, up and down (%(default)s)",
-    )
-    parser.add_argument(
-        "--step",
-        type=in_range(0.001, 1.0, "0.001 .. 1"),
-        default=0.3,
-        metavar="RATIO",
-        help="first step as a share of the range (%(default)s)",
-    )
-    parser.add_argument(
-        "--seed", type=positive, default=1, metavar="N", help="seed of the search (%(default)s)"
-    )
+    add_number(parser, "--seeds", positive, 2, "new robots in each generation")
+    add_number(parser, "--held-out", count, 10, "other robots for the final report")
+    add_number(parser, "--generations", count, 30, "total number")
+    add_number(parser, "--population", _population, 0, "size of a generation; 0: auto")
+    factor, step = in_range(1.01, 100.0, "1.01 .. 100"), in_range(0.001, 1.0, "0.001 .. 1")
+    add_number(parser, "--factor", factor, 2.0, "largest factor on a value, up and down", "RATIO")
+    add_number(parser, "--step", step, 0.3, "first step as a share of the range", "RATIO")
+    add_number(parser, "--seed", positive, 1, "seed of the search")
     add_set(parser, "value for every run; the search begins at controller parameters given here")
     parser.add_argument("--resume", action="store_true", help="continue the search in --out")
     add_jobs(parser, elsewhere=True)
