@@ -26,14 +26,13 @@ def _run(arguments: argparse.Namespace) -> int:
     plot = arguments.plot or (_PICTURE if other else None)
     if plot is not None:
         new_file(plot, "--plot")
-    from tqdm import tqdm  # these imports are slow
-
-    from cassie_bags.bag.output import new_files
+    from cassie_bags.bag.output import new_files  # these imports are slow
+    from cassie_bags.run.progress import progress_bar
     from cassie_bags.run.verify import START, TOLERANCE, verify
     from cassie_bags.run.yaml_file import consistent
 
     changes = consistent(arguments.changes)
-    with tqdm(unit="message", disable=None, leave=False) as bar:
+    with progress_bar("message") as bar:
 
         def watch(done: int, total: int) -> None:
             bar.total = total

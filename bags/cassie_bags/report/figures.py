@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,18 @@ STYLE: dict[str, Any] = {
     "lines.linewidth": 1.0,
     "savefig.dpi": 160,
 }
+
+
+@contextmanager
+def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
+    """A figure of a size (inches) in our style, for the body of a `with` statement to draw.
+
+    After the body it is written to `path`, whose ending decides the format.
+    """
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.savefig(path)
 
 
 def draw_all(view: View, folder: Path) -> dict[str, Path]:

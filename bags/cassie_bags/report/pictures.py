@@ -12,14 +12,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 
 from cassie_bags.bag.rows import FloatArray
-from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE, draw_all, shortened
+from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, draw_all, drawing, shortened
 from cassie_bags.report.view import View
 from cassie_bags.signals.track import Track
 from cassie_gaits.names import LEGS
@@ -112,8 +111,7 @@ def strip(view: View, path: Path) -> str | None:
         images = _images(track, view.scenario, shown)
     except SimulationError as error:
         reason = str(error)
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(1.3 * len(shown), 1.75), layout="constrained")
+    with drawing(path, 1.3 * len(shown), 1.75) as figure:
         panels = figure.subplots(1, len(shown), squeeze=False)[0]
         for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
             if images is None:
@@ -124,7 +122,6 @@ def strip(view: View, path: Path) -> str | None:
             name = shortened(_phase_at(phases, float(track.time[index])))
             axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
         figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
-        figure.savefig(path)
     return reason
 
 
@@ -148,7 +145,7 @@ def film_of(view: View, path: Path) -> Film:
     return film
 
 
-def draw_stick_figure(axes: matplotlib.axes.Axes, track: Track, index: int) -> None:
+def draw_stick_figure(axes: Axes, track: Track, index: int) -> None:
     """Draw the robot from its left as lines: pelvis, thighs, shins, tarsi, feet, ground.
 
     Args:

@@ -8,7 +8,6 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 
 from cassie_bags.bag.summary import Interval
 from cassie_bags.bag.tables import Curve
@@ -19,6 +18,7 @@ from cassie_bags.report.figures import (
     ORANGE,
     STYLE,
     draw_modes,
+    drawing,
     event_legend,
     mark,
     overview,
@@ -54,9 +54,8 @@ def save_curves(
         title: Name of the bag.
         path: Picture; the ending decides its format.
     """
-    with matplotlib.rc_context(STYLE):
-        heights = [0.3] * bool(modes) + [1.0] * len(curves)
-        figure = Figure(figsize=(9.0, 1.2 + 1.6 * sum(heights)), layout="constrained")
+    heights = [0.3] * bool(modes) + [1.0] * len(curves)
+    with drawing(path, 9.0, 1.2 + 1.6 * sum(heights)) as figure:
         panels = figure.subplots(
             len(heights), 1, sharex=True, squeeze=False, height_ratios=heights
         )[:, 0]
@@ -73,13 +72,11 @@ def save_curves(
             figure.legend(*event_legend(shown), loc="upper right", ncols=5)
         panels[-1].set_xlabel("robot time (s)")
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-        figure.savefig(path)
 
 
 def save_overlay(one: View, other: View, path: Path) -> None:
     """Draw the motion of two runs in the same axes."""
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+    with drawing(path, 9.0, 8.0) as figure:
         panels = figure.subplots(len(TRACKED) + 1, 1, sharex=True)
         for view, colour, name in ((one, BLUE, "A"), (other, ORANGE, "B")):
             track = view.track
@@ -93,7 +90,6 @@ def save_overlay(one: View, other: View, path: Path) -> None:
         panels[-1].plot(ticks, distance, color=DARK, linewidth=0.8)
         panels[-1].set(ylabel="distance of\npelvises (m)", xlabel="robot time (s)")
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-        figure.savefig(path)
 
 
 def _distance(one: View, other: View) -> tuple[Any, Any]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
 from cassie_bags.bag.rows import FloatArray, Rows, stamps, tick_keys
-from cassie_bags.report.figures import BLUE, GREY, ORANGE, STYLE
+from cassie_bags.report.figures import BLUE, GREY, ORANGE, drawing
 from cassie_bags.run.verify import Replayed, Verification
-from cassie_gaits.names import DRIVES
+from cassie_gaits.names import DRIVE_IN_Q, DRIVES
 from cassie_msgs.layout import MotorCommand, RobotState
 
 WINDOW = 2.0
@@ -20,7 +19,6 @@ WINDOW = 2.0
 
 _BEFORE = 0.4  # s
 _POSE = ("x (m)", "y (m)", "z (m)", "yaw (rad)", "pitch (rad)", "roll (rad)")
-_DRIVES_IN_Q = [6 + 7 * leg + joint for leg in (0, 1) for joint in (0, 1, 2, 3, 6)]
 
 
 def draw(verification: Verification, path: Path) -> None:
@@ -46,8 +44,8 @@ def draw(verification: Verification, path: Path) -> None:
     if states.different_count():
         at, one, other = stamps(states.recorded), states.recorded["q"], states.computed["q"]
         panels += [(name, at, one[:, i], other[:, i]) for i, name in enumerate(_POSE)]
-    with matplotlib.rc_context(STYLE):
-        _figure(panels, _start(verification)).savefig(path)
+    with drawing(path, 11.0, 0.6 + 1.25 * len(panels)) as figure:
+        _draw_panels(figure, panels, _start(verification))
 
 
 def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[FloatArray]]:
@@ -56,7 +54,7 @@ def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[Flo
     order = np.argsort(keys, kind="stable")
     places = order[np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)]
     known = keys[places] == wanted
-    q, v = (states[name][places[known]][:, _DRIVES_IN_Q] for name in ("q", "v"))
+    q, v = (states[name][places[known]][:, DRIVE_IN_Q] for name in ("q", "v"))
     torques = []
     for each in (commands.recorded[known], commands.computed[known]):
         spring = each["kp"] * (each["position"] - q)
@@ -70,8 +68,9 @@ def _start(verification: Verification) -> float:
     return max(0.0, min(times, default=0.0) - _BEFORE)
 
 
-def _figure(panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray]], t0: float) -> Figure:
-    figure = Figure(figsize=(11.0, 0.6 + 1.25 * len(panels)), layout="constrained")
+def _draw_panels(
+    figure: Figure, panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray]], t0: float
+) -> None:
     axes = figure.subplots(len(panels), 2, sharex="col", squeeze=False)
     for (large, whole), (label, time, one, other) in zip(axes, panels, strict=True):
         part = (time >= t0) & (time <= t0 + WINDOW)
@@ -84,4 +83,3 @@ def _figure(panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray]], t0
     axes[0, 0].set_title("recorded, and computed on the same data")
     axes[0, 1].set_title("computed minus recorded, over the whole bag")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-    return figure

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from tqdm import tqdm
 
 from cassie_bags.bag.rosbag2 import METADATA_FILE
 from cassie_bags.errors import RunError
@@ -23,6 +22,7 @@ from cassie_bags.ros.processes import (
 )
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.run.cores import library_path, makes_gaits, simulator_config
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.seed import write_resolved
 from cassie_msgs.experiment.file import Experiment
@@ -206,7 +206,7 @@ def watch(experiment: Experiment, processes: Processes, simulator: SimulatorClie
         RunError: if a node ends earlier, or robot time stands still.
     """
     reached, since = -1.0, time.monotonic()
-    with tqdm(total=experiment.duration, unit="s", disable=None, leave=False) as bar:
+    with progress_bar("s", experiment.duration) as bar:
         while processes.running("simulator"):
             processes.check("simulator")
             now = simulator.robot_time()

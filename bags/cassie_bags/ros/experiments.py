@@ -17,8 +17,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from tqdm import tqdm
-
 from cassie_bags.bag.rosbag2 import contents_of, write_metadata
 from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import ExperimentError, RunError
@@ -34,6 +32,7 @@ from cassie_bags.run.cores import (
 )
 from cassie_bags.run.experiment import load_experiment, packaged_experiments
 from cassie_bags.run.judge import RunResult, evaluate
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.seed import resolve, write_resolved
 from cassie_bags.run.simulate import Observer, Store
@@ -141,8 +140,7 @@ def run_experiment(
 
 def _in_process(experiment: Experiment, folder: Path | None, physics_thread: bool) -> RunResult:
     store = Store()
-    ticks = range(tick_count(experiment))
-    bar = tqdm(ticks, unit="tick", disable=None, leave=False)
+    bar = progress_bar("tick", items=range(tick_count(experiment)))
     observers: list[Observer] = [store]
 
     def observe(topic: str, raw: bytes, stamp: int) -> None:
@@ -276,7 +274,7 @@ def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     entries_by_task: dict[int, Entry] = {}
     path = tasks[0].folder.parent / "report.html"
     pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
-    bar = tqdm(total=len(tasks), unit="run", disable=None, leave=False)
+    bar = progress_bar("run", len(tasks))
     with contextlib.closing(pool), bar:
         for index, content in pool.results(run_task, tasks):
             entries_by_task[index] = content

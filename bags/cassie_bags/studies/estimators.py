@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from cassie_bags.bag.recording import Recording
 from cassie_bags.bag.rows import FloatArray, Rows, stamps
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import read_experiment
-from cassie_bags.run.provenance import origin
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.seed import resolve
 from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.leg_geometry import euler_angles, rotation_matrices
-from cassie_bags.studies.results import check_file, markdown, put_table
+from cassie_bags.studies.results import check_results, markdown, put_results
 from cassie_bags.studies.trial import walking_operator
 from cassie_control.estimator.config import ESTIMATORS, EstimatorConfig
 from cassie_msgs.experiment.file import Experiment
@@ -149,27 +149,16 @@ def table(errors: Iterable[Errors]) -> list[str]:
     return markdown(rows)
 
 
-def _progress(ticks: range) -> Iterable[int]:
-    bar: Iterable[int] = tqdm(ticks, unit="tick", disable=None, leave=False)
-    return bar
-
-
 def run(arguments: argparse.Namespace) -> int:
     """Compare on each ground; returns the exit code."""
     results: list[Errors] = []
-    if arguments.results is not None:
-        if arguments.grounds:
-            raise ExperimentError("--results takes all grounds: name none")
-        check_file(arguments.results)
+    check_results(arguments, "grounds", partial=bool(arguments.grounds))
     for ground in arguments.grounds or GROUNDS:
         if ground not in GROUNDS:
             raise ExperimentError(unknown_name(ground, GROUNDS, "ground"))
     for ground in arguments.grounds or GROUNDS:
-        results += compare(ground, arguments.seed, _progress)
+        results += compare(ground, arguments.seed, functools.partial(progress_bar, "tick", None))
     print(f"seed {arguments.seed}; RMS errors against the truth", file=sys.stderr)
     print("\n".join(table(results)))
-    if arguments.results is not None:
-        command = f"ros2 run cassie_bags estimators --seed {arguments.seed}"
-        measured_by = origin(command, str(arguments.seed), arguments.now)
-        put_table(arguments.results, SECTION, table(results), measured_by)
+    put_results(arguments, SECTION, table(results), f"estimators --seed {arguments.seed}")
     return 0

@@ -16,15 +16,14 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
-from cassie_bags.run.provenance import origin
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
-from cassie_bags.studies.results import check_file, markdown, put_table
+from cassie_bags.studies.results import check_results, markdown, put_results
 from cassie_bags.studies.trial import walking_operator
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
@@ -65,7 +64,7 @@ _SPIKES = {
     "torque": 50.0,
 }
 _DELAY = 0.02
-_FALLEN_HEIGHT, _FALLEN_TILT = 0.55, 0.7
+_FALLEN_HEIGHT, _FALLEN_TILT = 0.55, 0.7  # m, rad: before the drives damp, which is at 0.8 rad
 
 
 @dataclass(frozen=True)
@@ -286,10 +285,8 @@ def describe(cell: Cell) -> str:
 
 def run(arguments: argparse.Namespace) -> int:
     """Let each channel fail; returns the exit code."""
-    if arguments.results is not None:
-        if arguments.channels or arguments.kinds or arguments.modes:
-            raise ExperimentError("--results takes all channels, kinds and modes: name none")
-        check_file(arguments.results)
+    named = arguments.channels or arguments.kinds or arguments.modes
+    check_results(arguments, "channels, kinds and modes", partial=bool(named))
     kinds, modes = arguments.kinds or FAULT_KINDS, arguments.modes or MODES
     for mode in modes:
         if mode not in MODES:
@@ -297,20 +294,10 @@ def run(arguments: argparse.Namespace) -> int:
     channels = arguments.channels or all_channels()
     jobs = arguments.jobs or available_cores()
     total = len(channels) * len(kinds) * len(modes)
-    cells: list[Cell] = list(
-        tqdm(
-            run_table(channels, kinds, modes, arguments.seed, jobs),
-            total=total,
-            unit="fault",
-            disable=None,
-            leave=False,
-        )
-    )
+    results = run_table(channels, kinds, modes, arguments.seed, jobs)
+    cells: list[Cell] = list(progress_bar("fault", total, results))
     print("\n".join(table(cells)))
     unsafe = [cell for cell in cells if not cell.safe]
-    if arguments.results is not None:
-        command = f"ros2 run cassie_bags faults --seed {arguments.seed}"
-        measured_by = origin(command, str(arguments.seed), arguments.now)
-        put_table(arguments.results, SECTION, table(cells), measured_by)
+    put_results(arguments, SECTION, table(cells), f"faults --seed {arguments.seed}")
     print(f"seed {arguments.seed}: {len(cells) - len(unsafe)} of {len(cells)} safe and in time")
     return 1 if unsafe else 0

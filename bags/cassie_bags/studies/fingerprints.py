@@ -8,8 +8,6 @@ import dataclasses
 import functools
 from pathlib import Path
 
-from tqdm import tqdm
-
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import packaged_experiments
 from cassie_bags.run.fingerprint import (
@@ -27,6 +25,7 @@ from cassie_bags.run.fingerprint import (
     load,
     save,
 )
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.provenance import changes_of_environment, environment
 from cassie_bags.studies.workers import Workers, all_results, workers
 
@@ -97,7 +96,7 @@ def _renew(arguments: argparse.Namespace, pool: Workers) -> int:
 def _take(runs: list[Run], prints: Fingerprints, pool: Workers) -> dict[Run, Fingerprint]:
     """Fingerprints of runs, with the same fields as `prints`."""
     taking = functools.partial(fingerprint_of, fields=prints.fields)
-    with tqdm(total=len(runs), unit="run", disable=None, leave=False) as bar:
+    with progress_bar("run", len(runs)) as bar:
         return dict(zip(runs, all_results(pool, taking, runs, bar), strict=True))
 
 

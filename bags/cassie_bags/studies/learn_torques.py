@@ -13,14 +13,13 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
-from tqdm import tqdm
 
 from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
-from cassie_bags.report.figures import BLUE, GREY, STYLE
+from cassie_bags.report.figures import BLUE, GREY, drawing
 from cassie_bags.report.plain import aligned
 from cassie_bags.run.cores import connect, load_learned, make_cores, tick_count
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.provenance import versions
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.signals.window import TRACKING
@@ -235,7 +234,7 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers
     changes = tuple(arguments.set)
     print(f"learning by robots of seeds 1 to {arguments.seeds}", file=sys.stderr)
     total = arguments.rounds * arguments.seeds * len(learned.speeds)
-    with tqdm(total=total, unit="run", disable=None, leave=False) as bar:
+    with progress_bar("run", total) as bar:
         for number in range(1, arguments.rounds + 1):
             lessons = learning_runs(learned, seeds, arguments.seconds, changes)
             outcomes = all_results(pool, learn, lessons, bar)
@@ -268,7 +267,7 @@ def _compare(
         for speed in learned.speeds.tolist()
         for seed in seeds
     ]
-    with tqdm(total=len(trials), unit="run", disable=None, leave=False) as bar:
+    with progress_bar("run", len(trials)) as bar:
         results = all_results(pool, run_trial, trials, bar)
     count = len(seeds)
     return [
@@ -285,12 +284,10 @@ def _draw(path: Path, learned: LearnedTorques, comparisons: Sequence[Comparison]
         learned: The torques.
         comparisons: Errors at each speed.
     """
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(11.0, 7.5), layout="constrained")
+    with drawing(path, 11.0, 7.5) as figure:
         parts: Any = figure.subfigures(2, 1)
         _draw_errors(parts[0], comparisons)
         _draw_torques(parts[1], learned)
-        figure.savefig(path)
 
 
 def _draw_errors(figure: Any, comparisons: Sequence[Comparison]) -> None:

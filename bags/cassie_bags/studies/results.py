@@ -5,12 +5,13 @@ Anything else in the file is kept, so that people can write beside the tables.
 
 from __future__ import annotations
 
+import argparse
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.provenance import Origin
+from cassie_bags.run.provenance import Origin, origin
 
 _MEASURED = "Measured by "
 """Beginning of the line above a table that names command, date and versions."""
@@ -38,6 +39,39 @@ def put_table(path: Path, heading: str, table: Sequence[str], source: Origin) ->
         above.pop()
     lines[top:begin] = [*above, "", note, ""]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def check_results(arguments: argparse.Namespace, what: str, *, partial: bool) -> None:
+    """Check the option `--results` of a study, whose table replaces that of all.
+
+    Args:
+        arguments: Arguments of the study.
+        what: What the study measures if nothing is named.
+        partial: Whether the arguments name a part of it.
+
+    Raises:
+        ExperimentError: if the file cannot get the whole table.
+    """
+    if arguments.results is not None:
+        if partial:
+            raise ExperimentError(f"--results takes all {what}: name none")
+        check_file(arguments.results)
+
+
+def put_results(
+    arguments: argparse.Namespace, heading: str, table: Sequence[str], words: str
+) -> None:
+    """Write the table of a study into the file that its option `--results` names, if it does.
+
+    Args:
+        arguments: Arguments of the study, with `seed` and `now`.
+        heading: Heading of the section, whose table is replaced.
+        table: Lines in Markdown.
+        words: The command that measures the values again, after `cassie_bags`.
+    """
+    if arguments.results is not None:
+        source = origin(f"ros2 run cassie_bags {words}", str(arguments.seed), arguments.now)
+        put_table(arguments.results, heading, table, source)
 
 
 def check_file(path: Path) -> None:

@@ -8,15 +8,12 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError, RunError
-from cassie_bags.report.figures import STYLE
-from cassie_bags.run.provenance import origin
-from cassie_bags.studies.results import check_file, markdown, put_table
+from cassie_bags.report.figures import drawing
+from cassie_bags.run.progress import progress_bar
+from cassie_bags.studies.results import check_results, markdown, put_results
 from cassie_bags.studies.return_map import (
     DELAYS,
     IMPULSES,
@@ -53,10 +50,8 @@ def run(options: argparse.Namespace) -> int:
         raise ExperimentError(
             f"--impulse = {options.impulse:g} N s is outside 0.1 .. {STRONGEST:g}"
         )
-    if options.results is not None:
-        if options.speeds or options.file is not None:
-            raise ExperimentError("--results takes all speeds of the package's library: name none")
-        check_file(options.results)
+    named = bool(options.speeds) or options.file is not None
+    check_results(options, "speeds of the package's library", partial=named)
     if options.file is not None:
         options.file = library_path(options.file)
     speeds, jobs = _speeds(options), options.jobs or available_cores()
@@ -66,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(markdown([HEADINGS])), flush=True)
     rows: list[str] = []
     measured, failed = [], 0
-    with tqdm(total=len(speeds) * _RUNS, unit="run", disable=None, leave=False) as bar:
+    with progress_bar("run", len(speeds) * _RUNS) as bar:
         for speed in speeds:
             experiment = experiment_of(speed, options.seed, options.file, options.allow_uncertified)
             try:
@@ -82,11 +77,8 @@ def run(options: argparse.Namespace) -> int:
             measured.append(one)
     if options.out is not None and any(one.deviations for one in measured):
         print(_draw(measured, options.out / "return_map.png"))
-    if options.results is not None:
-        command = f"ros2 run cassie_bags return_map --seed {options.seed}"
-        command += f" --impulse {options.impulse:g}"
-        measured_by = origin(command, str(options.seed), options.now)
-        put_table(options.results, SECTION, [*markdown([HEADINGS]), *rows], measured_by)
+    command = f"return_map --seed {options.seed} --impulse {options.impulse:g}"
+    put_results(options, SECTION, [*markdown([HEADINGS]), *rows], command)
     print(f"{len(speeds) - failed} of {len(speeds)} gaits end nearer to themselves than they began")
     return 1 if failed else 0
 
@@ -118,10 +110,9 @@ def line(one: Measurement) -> str:
 
 def _draw(measured: Sequence[Measurement], path: Path) -> Path:
     """Draw the size of the deviations over steps, one panel for each speed."""
-    with matplotlib.rc_context(STYLE):
-        rows = math.ceil(len(measured) / ACROSS)
-        across = math.ceil(len(measured) / rows)
-        figure = Figure(figsize=(3.0 * across + 0.6, 2.6 * rows + 0.6), layout="constrained")
+    rows = math.ceil(len(measured) / ACROSS)
+    across = math.ceil(len(measured) / rows)
+    with drawing(path, 3.0 * across + 0.6, 2.6 * rows + 0.6) as figure:
         panels = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel()
         for axes in panels[len(measured) :]:
             axes.set_visible(False)
@@ -138,7 +129,6 @@ def _draw(measured: Sequence[Measurement], path: Path) -> Path:
         figure.legend(
             *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=6
         ).set_title("push (ahead, to the left)")
-        figure.savefig(path)
     return path
 
 

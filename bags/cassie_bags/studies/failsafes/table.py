@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.experiment import read_experiment
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.failsafes.participants import UnsafeError
 from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, FailSafe
@@ -156,7 +156,7 @@ def _run_rows(arguments: argparse.Namespace) -> int:
     safe: Counter[tuple[str, str]] = Counter()
     done: Counter[tuple[str, str]] = Counter()
     print(f"{'row':24}{'state':16}safe", flush=True)
-    bar = tqdm(total=len(chosen), unit="run", disable=None)
+    bar = progress_bar("run", len(chosen))
     with contextlib.closing(workers(arguments.jobs, None)) as pool, bar:
         for index, problem in pool.results(run_case, chosen):
             case = chosen[index]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cassie_bags.errors import ExperimentError
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.provenance import Origin, origin
 from cassie_bags.run.yaml_file import spelled_out
 from cassie_bags.studies.results import check_file
@@ -185,9 +186,7 @@ def _measured(
     open_rows: list[tuple[Row, str, Budget]], arguments: argparse.Namespace
 ) -> Iterator[tuple[Row, str, RowResult]]:
     """Row, variant and result, as they complete; enough rows at once to keep the workers busy."""
-    from tqdm import tqdm
-
-    bar = tqdm(desc="runs", unit="run", disable=not sys.stderr.isatty(), leave=False)
+    bar = progress_bar("run")
     pool = CachedWorkers(workers(arguments.jobs, arguments.scheduler))
     lanes = max(1, 2 * pool.count // max(arguments.seeds, arguments.phases))
     # The pool is closed before the threads that wait for the pool.

@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.yaml_file import apply_changes, spelled_out
 from cassie_bags.studies.tune.objective import DEFAULT, Objective, load_objective
 from cassie_bags.studies.tune.result import Score, table, write_result
@@ -79,8 +80,7 @@ def _task(arguments: argparse.Namespace) -> Task:
 def _tune(task: Task, pool: Workers, arguments: argparse.Namespace) -> None:
     """Search until the last generation or Ctrl-C, then report on held-out robots."""
     state = arguments.out / "search.pickle"
-    bar = tqdm(unit="run", disable=None, leave=False)
-    with bar:
+    with progress_bar("run") as bar:
         if arguments.resume:
             search = Search.load(state, task.purpose())
         else:
