@@ -18,7 +18,7 @@ from same import differences
 from synthetic import TICK_NS, glide_messages
 
 from cassie_bags.bag.clock import RobotClock
-from cassie_bags.bag.continuity import gaps
+from cassie_bags.bag.continuity import SeqMonitor, gaps
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     GROUND_TRUTH_TOPIC,
@@ -404,11 +404,21 @@ def test_an_answer_that_is_missing_in_real_time_is_a_missed_tick_and_no_gap(mess
         sample.wall_paced[...] = 1
         short[Sensors.TOPIC][at] = sample.to_bytes()
     del short[RobotState.TOPIC][100:103]
-    assert gaps(from_messages(short, 1.0)) == []
+    assert gaps(from_messages(short, 1.0)) == seen_as_missing(short) == []
     del short[Sensors.TOPIC][200]
     assert gaps(from_messages(short, 1.0)) == [
         "/cassie/sensors: 1 samples missing in episode 1, first after seq 199"
     ]
+    assert seen_as_missing(short) == ["/cassie/sensors: 1 samples"]
+
+
+def seen_as_missing(messages) -> list[str]:
+    """What a recorder of these messages reports as missing."""
+    monitor = SeqMonitor()
+    for topic, list_ in messages.items():
+        for raw in list_:
+            monitor.note(topic, raw)
+    return monitor.gaps()
 
 
 def test_a_recording_that_begins_late_has_a_gap(messages):

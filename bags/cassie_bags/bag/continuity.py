@@ -53,10 +53,15 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
     return lines + _truth_gaps(recording)
 
 
+_WALL_PACED = int(Sensors.DTYPE.fields["wall_paced"][1])  # type: ignore[index]
+"""Place of this field in a serialized sample."""
+
+
 class SeqMonitor:
-    """Counts missing messages while messages come in."""
+    """Counts missing messages while messages come in, by the rules of `gaps`."""
 
     def __init__(self) -> None:
+        self._wall_paced = False
         self._last: dict[str, tuple[int, int]] = {}
         self._missing: dict[str, int] = {}
 
@@ -71,6 +76,8 @@ class SeqMonitor:
             return  # not a message of this type
         if topic == OperatorCommand.TOPIC and seq == 0:
             return  # a person's command
+        if topic == Sensors.TOPIC:
+            self._wall_paced |= any(raw[_WALL_PACED : _WALL_PACED + 8])
         before = self._last.get(topic)
         if before is not None and episode == before[0] and seq > before[1] + step:
             missing = (seq - before[1]) // step - 1
@@ -80,7 +87,11 @@ class SeqMonitor:
 
     def gaps(self) -> list[str]:
         """Missing messages so far, one line for each topic."""
-        return [f"{topic}: {count} samples" for topic, count in self._missing.items()]
+        return [
+            f"{topic}: {count} samples"
+            for topic, count in self._missing.items()
+            if topic == Sensors.TOPIC or not self._wall_paced
+        ]
 
 
 def first_occurrences(rows: Rows) -> Rows:
