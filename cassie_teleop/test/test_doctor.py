@@ -27,7 +27,7 @@ from cassie_teleop.doctor import (
     findings,
     report,
 )
-from cassie_teleop.ros.doctor import Doctor
+from cassie_teleop.ros.doctor import Doctor, joysticks
 
 DRIVEN = (*LANE.items(), ("/cassie/operator_command", "web_console"))
 HEALTHY = Facts(
@@ -156,6 +156,17 @@ def test_the_heaviest_comes_first_and_a_fault_is_not_told_twice():
     told = json.loads(json.dumps(as_json(facts, found)))
     assert told["exit_code"] == 1 and told["findings"][0]["subject"] == "fault"
     assert told["facts"]["real_time_factor"] == 0.5
+
+
+def test_the_device_that_the_joystick_node_opens_is_examined(tmp_path):
+    """SDL opens event devices. Everyone may read the js device of the same pad."""
+    (tmp_path / "class" / "js0" / "device" / "event7").mkdir(parents=True)
+    (tmp_path / "class" / "js1" / "device" / "event8").mkdir(parents=True)  # of another container
+    device = tmp_path / "event7"
+    device.touch(mode=0)
+    (name, readable), *others = joysticks(tmp_path / "class", tmp_path)
+    assert (name, others) == (str(device), [])
+    assert readable == os.access(device, os.R_OK)
 
 
 def doctor(*words):

@@ -123,7 +123,7 @@ class Doctor(Node):
                 if default is not None and not _same(value, default)
             ),
             files=tuple(_files(parameters["gait_controller"])),
-            joysticks=tuple((str(p), os.access(p, os.R_OK)) for p in _joysticks()),
+            joysticks=tuple(joysticks()),
             disk={str(f): shutil.disk_usage(f).free for f in _folders()},
         )
 
@@ -244,8 +244,19 @@ def _files(parameters: dict[str, tuple[Any, Any]]) -> Iterator[tuple[str, str, b
             yield "package", package, False
 
 
-def _joysticks() -> list[Path]:
-    return sorted(Path("/dev/input").glob("js*"))
+def joysticks(
+    known: Path = Path("/sys/class/input"), devices: Path = Path("/dev/input")
+) -> Iterator[tuple[str, bool]]:
+    """Device file of each joystick that `joystick` opens, and whether this user may read it.
+
+    Args:
+        known: Folder in which the kernel lists input devices.
+        devices: Folder of the device files.
+    """
+    for event in sorted(known.glob("js*/device/event*")):
+        path = devices / event.name
+        if path.exists():
+            yield str(path), os.access(path, os.R_OK)
 
 
 def _folders() -> set[Path]:
