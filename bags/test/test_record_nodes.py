@@ -590,6 +590,23 @@ def test_a_replay_beside_a_node_that_writes_the_same_is_refused(
     words = processes.log("replay").read_text()
     assert words.startswith("replay: error: /cassie/sensors is written by ")
     assert "ROS_DOMAIN_ID=" in words and len(words.splitlines()) == 1
+    assert "--allow-second" in words
+    node.destroy_publisher(publisher)
+
+
+def test_a_replay_beside_a_node_that_writes_the_same_plays_for_those_who_mean_it(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.5))
+    publisher = node.create_publisher(
+        message_class("cassie_msgs/msg/Sensors"), "/cassie/sensors", 1
+    )
+    heard = Listener(node)
+    replay = [executable("cassie_bags", "replay"), bag, "--loop", "--allow-second"]
+    processes.start("replay", replay)
+    heard.wait_for(lambda: len(heard.seqs) > 300)
+    processes.check("replay")
     node.destroy_publisher(publisher)
 
 

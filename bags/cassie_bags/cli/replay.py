@@ -62,6 +62,12 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         action="store_true",
         help="also play topics that move a robot: motor commands, modes, operator commands",
     )
+    parser.add_argument(
+        "--allow-second",
+        action="store_true",
+        help="play although another node publishes on a played topic; the robot's nodes read the "
+        "first one alone",
+    )
     parser.add_argument("-l", "--loop", action="store_true", help="repeat the playback")
     parser.add_argument(
         "--start",

@@ -77,8 +77,9 @@ class Replay(Node):
         messages = self._load(arguments.file, arguments.topics, arguments.commands)
         self._messages = messages
         self._own = {topic: identity(each) for topic, each in self._publishers_by_topic.items()}
-        self._refuse_other_writers()
-        self.create_timer(_WRITERS_PERIOD, self._end_for_other_writer)
+        if not arguments.allow_second:
+            self._refuse_other_writers()
+            self.create_timer(_WRITERS_PERIOD, self._end_for_other_writer)
         self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, 10)
         begin, end = _part([robot for robot, *_ in messages], arguments.start, arguments.duration)
         if end >= _CLOCK_END:
@@ -323,7 +324,8 @@ class Replay(Node):
             if others := others if nameless else others - {UNKNOWN}:
                 return (
                     f"{topic} is written by {', '.join(sorted(others))}: end it, or play into "
-                    f"another ROS domain, such as ROS_DOMAIN_ID={free_domain()}"
+                    f"another ROS domain, such as ROS_DOMAIN_ID={free_domain()} (--allow-second "
+                    "plays here)"
                 )
         return ""
 
