@@ -17,8 +17,9 @@ from typing import Any
 import pytest
 from bringup import Eyes
 
+from cassie_bags.cli.robot import _parser
 from cassie_bags.ros.processes import environment, executable, own_domain
-from cassie_bags.ros.robot import console_address
+from cassie_bags.ros.robot import console_address, node_commands
 from cassie_msgs.ros.process import Stop
 
 TIMEOUT = 90.0
@@ -212,6 +213,12 @@ def test_parameters_are_for_the_nodes_alone(tmp_path: Path, domain: int) -> None
     with Starter(tmp_path, domain, "-p", "simulator:start:=standing") as starter:
         assert "on its feet" in starter.ready()
         assert starter.end() == (0, "")  # ROS took it for a name to be changed, and said so
+
+
+def test_a_pad_is_two_nodes_more() -> None:
+    commands = node_commands(_parser().parse_args(["--scene", "flat", "--pad", "ps5"]))
+    assert [*commands][-2:] == ["joystick", "rc_teleop"]
+    assert commands["rc_teleop"][1:] == ["--ros-args", "-p", "device:=ps5"]
 
 
 def test_a_node_that_ends_is_named_with_its_last_words_and_ends_the_others(

@@ -45,6 +45,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--view", action="store_true", help="show the simulator's window")
     parser.add_argument("--console", action="store_true", help="start the browser page web_console")
     parser.add_argument(
+        "--pad",
+        metavar="NAME",
+        help="start joystick and rc_teleop for a pad of this computer, by its device file: xbox, "
+        "ps4, ps5, gamepad, taranis_qx7 or a path",
+    )
+    parser.add_argument(
         "--realtime",
         action="store_true",
         help="pace by the wall clock, as on a robot; otherwise robot time waits for every node",

@@ -159,6 +159,9 @@ def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
         programs["stack"] = "cassie_control"
     if arguments.console:
         programs["web_console"] = "cassie_teleop"
+    if arguments.pad:
+        programs |= dict.fromkeys(("joystick", "rc_teleop"), "cassie_teleop")
+        own["rc_teleop"] = [f"device:={arguments.pad}"]
     for word in arguments.parameter:
         name, _, assignment = word.partition(":")
         owner = "stack" if arguments.stack and name in STACK else name
