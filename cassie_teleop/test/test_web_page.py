@@ -240,6 +240,17 @@ def test_a_gamepad_drives_and_its_button_stops(browser, robot, console):
         assert not robot.command(lambda c: c.emergency_stop).power
 
 
+def test_a_gamepad_that_is_plugged_in_is_named_and_whether_it_drives(browser, robot, console):
+    plug = """(mapping) => dispatchEvent(Object.assign(
+        new Event("gamepadconnected"), { gamepad: { id: "Pad 7", mapping } }
+    ))"""
+    with driver_of(browser, robot, console.address) as driver:
+        driver.page.evaluate(plug, "standard")
+        assert driver.text("notice") == "gamepad: pad 7"
+        driver.page.evaluate(plug, "")
+        assert "pad 7: its layout is unknown" in driver.text("notice")
+
+
 @pytest.mark.parametrize("how", ["button", "Escape", "o"])
 @again_after_a_lost_link
 def test_the_emergency_stop_works_from_a_page_that_looks_on(browser, robot, console, how):
@@ -406,6 +417,16 @@ def test_words_say_what_the_robot_waits_for(browser, robot, console):
         walk = driver.page.locator("[data-mode=walk]")
         assert walk.get_attribute("title") == "too bright"
         assert not driver.page.locator("#simulator").is_visible()  # there is none
+
+
+@pytest.mark.parametrize("width", [640, 905, 1000, 1041, 1280])
+@again_after_a_lost_link
+def test_the_panel_covers_no_stick_of_a_narrow_window(browser, robot, console, width):
+    with driver_of(browser, robot, console.address, {"width": width, "height": 620}) as driver:
+        stage = driver.page.locator("#stage").bounding_box()
+        boxes = [driver.page.locator(f"#{name}-stick").bounding_box() for name in ("move", "turn")]
+        assert boxes[0]["x"] >= 0
+        assert boxes[1]["x"] + boxes[1]["width"] <= stage["x"] + stage["width"]
 
 
 @pytest.mark.parametrize("orientation", PHONES)

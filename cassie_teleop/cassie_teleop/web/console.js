@@ -189,6 +189,7 @@ function showMode() {
   if (robot && !waits && robot.mode === robot.requested && status.power) words = `it ${{ stand: "stands", walk: "walks", segway: "rides" }[robot.mode] ?? "waits"}`;
   put("readiness", words);
   find("readiness").className = waits ? "wait" : "";
+  put("move-label", robot?.mode === "segway" ? "lean" : "walk");
 }
 
 function showDriver() {
@@ -291,6 +292,10 @@ addEventListener("keydown", (event) => {
   if (event.key === "Escape" || event.code === "KeyO") press("stop");
   else if (["Digit1", "Digit2", "Digit3"].includes(event.code)) press(["stand", "walk", "segway"][event.code.at(-1) - 1]);
 });
+addEventListener("gamepadconnected", ({ gamepad }) =>
+  notice(gamepad.mapping === "standard" ? `gamepad: ${gamepad.id}` : `${gamepad.id}: its layout is unknown, so it does not drive`),
+);
+addEventListener("gamepaddisconnected", ({ gamepad }) => notice(`gamepad gone: ${gamepad.id}`));
 document.addEventListener("visibilitychange", beat);
 addEventListener("pagehide", () => socket?.close());
 setInterval(() => {
