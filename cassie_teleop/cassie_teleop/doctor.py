@@ -238,7 +238,7 @@ def _quality(facts: Facts) -> Iterator[Finding]:
 
 def _mismatch(writer: End, reader: End) -> str:
     if writer.type != reader.type:
-        return f"it writes {writer.type}, it reads {reader.type}"
+        return f"{writer.type} is written, {reader.type} read"
     if reader.reliable and not writer.reliable:
         return "reliable is asked for, best effort offered"
     if reader.latched and not writer.latched:

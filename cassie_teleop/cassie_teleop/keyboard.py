@@ -159,16 +159,21 @@ def status_lines(
     lines = [_robot(status)]
     if status is not None and (word := _unheard(request, status)):
         lines.append(word)
-    lines.append(f"{'':10}{'ahead':>8}{'left':>8}{'turn':>8}{'height':>8}  m/s, rad/s, m")
+    lines.append(f"{'':10}{'ahead':>7}{'left':>7}{'turn':>7}{'height':>7}  m/s, rad/s, m")
     lines.append(_commanded(request))
     lines += [
         _row(name, values)
         for name, values in (("limited", motion.limited), ("achieved", motion.achieved))
     ]
     if motion.segway is not None:
-        lines.append(f"{'Segway':10}{motion.segway:+8.2f} m/s")
+        lines.append(f"{'Segway':10}{motion.segway:+7.2f} m/s")
     lines += [f"fault: {fault}" for fault in (status.faults if status is not None else ())]
     return [part for line in lines for part in wrapped(line, width)]
+
+
+def help_lines(width: int) -> list[str]:
+    """The help as lines of at most `width` characters."""
+    return [part for line in HELP.splitlines() for part in wrapped(line, width)]
 
 
 def wrapped(line: str, width: int) -> list[str]:
@@ -207,6 +212,6 @@ def _commanded(request: Request | None) -> str:
 
 
 def _row(name: str, values: Sequence[float]) -> str:
-    figures = "".join(f"{value:+8.2f}" for value in values[:3])
-    height = f"{values[3]:8.2f}" if len(values) > 3 else ""
-    return f"{name:10}{figures}{height}" if values else f"{name:10}{'-':>8}"
+    figures = "".join(f"{value:+7.2f}" for value in values[:3])
+    height = f"{values[3]:7.2f}" if len(values) > 3 else ""
+    return f"{name:10}{figures}{height}" if values else f"{name:10}{'-':>7}"

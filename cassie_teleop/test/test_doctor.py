@@ -89,7 +89,7 @@ def test_a_healthy_robot_has_no_findings():
         ),
         (beside("/joy", writes=False), WARNING, "nobody writes /joy"),
         (beside("/cassie/mode", writes=False, latched=True), WARNING, "volatile offered"),
-        (beside("/cassie/mode", writes=False, type="u"), WARNING, "it writes t, it reads u"),
+        (beside("/cassie/mode", writes=False, type="u"), WARNING, "t is written, u read"),
         (replace(HEALTHY, nodes=(*HEALTHY.nodes, "/simulator")), WARNING, "2 nodes are called"),
         (replace(HEALTHY, rates={}), ERROR, "/cassie/sensors: is silent"),
         (replace(HEALTHY, rates={}, paused=True), NOTE, "is paused"),

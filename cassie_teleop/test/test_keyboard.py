@@ -13,6 +13,7 @@ from cassie_teleop.keyboard import (
     Keyboard,
     Motion,
     Status,
+    help_lines,
     status_lines,
 )
 from cassie_teleop.terminal import Terminal
@@ -131,10 +132,19 @@ def test_lines_tell_mode_reason_faults_age_and_fit():
         "walk",
     ):
         assert part in text
-    assert "limited      +0.10   +0.00   +0.00    0.90" in text
-    assert "achieved     +0.08   +0.01   -0.02    0.91" in text
-    for width in (80, 40):
-        assert max(map(len, status_lines(typed("p2w").request, status, motion, width))) <= width
+    assert "limited     +0.10  +0.00  +0.00   0.90" in lines
+    assert "achieved    +0.08  +0.01  -0.02   0.91" in lines
+    for width in (80, 39):  # of a terminal with 40 columns one stays free
+        lines = status_lines(typed("p2w").request, status, motion, width)
+        assert max(map(len, lines)) <= width
+        assert "achieved    +0.08  +0.01  -0.02   0.91" in lines
+
+
+def test_the_help_breaks_between_words():
+    for width in (79, 39):
+        lines = help_lines(width)
+        assert max(map(len, lines)) <= width
+        assert "".join(lines).split() == HELP.split()
 
 
 def test_a_narrow_window_gets_lines_as_well():

@@ -18,7 +18,7 @@ from cassie_msgs.ros.about import About
 from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
 from cassie_msgs.ros.scheduling import Place, run_as
 from cassie_msgs.tunables import replace_checked, tunable
-from cassie_teleop.keyboard import HELP, Keyboard, Motion, Status, status_lines, wrapped
+from cassie_teleop.keyboard import Keyboard, Motion, Status, help_lines, status_lines, wrapped
 from cassie_teleop.page_frame import achieved
 from cassie_teleop.requests import TAKE_OVER_TIME, without_link
 from cassie_teleop.ros.sender import Sender
@@ -66,7 +66,7 @@ class KeyboardTeleop(Node):
         self._vehicle = RawSubscription(self, Odometry, "/segway/ground_truth", NEWEST)
         self.create_subscription(SupervisorStatus, "/cassie/supervisor_status", self._on_status, 10)
         self._terminal = Terminal()
-        self._terminal.say(HELP)
+        self._help()
 
     def loop(self) -> None:
         """Read keys and send until the user leaves or the terminal is closed."""
@@ -82,7 +82,7 @@ class KeyboardTeleop(Node):
         while not self._stop.requested and not self._keyboard.left:
             for key in self._terminal.keys(max(0.0, due - time.monotonic())):
                 if key == "?":
-                    self._terminal.say(HELP)
+                    self._help()
                 elif answer := self._keyboard.press(key):
                     self._terminal.say(answer)
                 elif key.lower() == "o":
@@ -101,6 +101,9 @@ class KeyboardTeleop(Node):
         self._terminal.close()
         if self._keyboard.request is not None:
             self._sender.send_last(without_link(self._keyboard.request))
+
+    def _help(self) -> None:
+        self._terminal.say("\n".join(help_lines(self._width)))
 
     def _send(self) -> None:
         keyboard = self._keyboard
