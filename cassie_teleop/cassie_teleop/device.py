@@ -15,7 +15,7 @@ from cassie_teleop.requests import TRIMS
 
 SETPOINTS = ("vx", "vy", "yaw_rate", "height", "com_x", "com_y", "roll", "pitch")
 _BUTTONS = ("enable_button", "enable_turbo_button")
-_KEYS = ("axes", "buttons", "setpoints", "power", "mode", "link", "triggers", *_BUTTONS)
+_KEYS = ("axes", "buttons", "setpoints", "power", "mode", "record", "link", "triggers", *_BUTTONS)
 PartT = TypeVar("PartT")
 
 
@@ -52,6 +52,7 @@ class Device:
     Attributes:
         axes, buttons: Permitted numbers of axes and buttons in `/joy`, in ascending order.
         triggers: Axes that are 1 at rest and that the driver reports as 0 until they are touched.
+        record: Switch that begins and ends recordings; None without one.
         enable_button, enable_turbo_button: Buttons; if any is given, one must be held to move.
     """
 
@@ -60,6 +61,7 @@ class Device:
     setpoints: Mapping[str, AxisMap]
     power: Switch
     mode: Mapping[str, Switch]
+    record: Switch | None = None
     link_buttons: tuple[int, ...] = ()
     triggers: tuple[int, ...] = ()
     enable_button: int | None = None
@@ -100,6 +102,7 @@ def _device(content: Mapping[str, Any]) -> Device:
         setpoints={k: _part(AxisMap, v, f"setpoints.{k}") for k, v in setpoints.items()},
         power=_part(Switch, content["power"], "power"),
         mode={k: _part(Switch, v, f"mode.{k}") for k, v in modes.items()},
+        record=_part(Switch, content["record"], "record") if "record" in content else None,
         link_buttons=_indices(content, "link", "buttons"),
         triggers=_indices(content, "triggers", "axes"),
         enable_button=content.get("enable_button"),
@@ -126,6 +129,8 @@ def with_buttons(device: Device, enable: int, turbo: int) -> Device:
 
 def _check_indices(device: Device) -> None:
     switches = {"power": device.power} | {f"mode.{k}": v for k, v in device.mode.items()}
+    if device.record is not None:
+        switches["record"] = device.record
     axes = {f"setpoints.{k}": v.axis for k, v in device.setpoints.items()}
     axes |= {k: v.axis for k, v in switches.items()}
     buttons = {f"{k}.on_button": v.on_button for k, v in switches.items()}
@@ -136,7 +141,7 @@ def _check_indices(device: Device) -> None:
     counts = (("axis", axes, device.axes[0]), ("button", buttons, device.buttons[0]))
     for what, table, count in counts:
         for name, index in table.items():
-            none = -1 if name.partition(".")[0] in ("power", "mode") else 0  # -1: no axis
+            none = -1 if name.partition(".")[0] in ("power", "mode", "record") else 0  # no axis
             if type(index) is not int or not none <= index < count:
                 raise DeviceError(f"{name} = {index}: no such {what}, the last is {count - 1}")
     for name, switch in switches.items():

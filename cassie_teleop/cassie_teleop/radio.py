@@ -66,6 +66,14 @@ class Radio:
             mode=asked[-1] if asked else "stand",
         )
 
+    def records(self, axes: Sequence[float], buttons: Sequence[int]) -> bool | None:
+        """Whether the switch asks for a recording, by channels that were read.
+
+        None if there is no such switch, or its buttons were not pressed yet.
+        """
+        switch = self.device.record
+        return None if switch is None else self._on("record", switch, axes, buttons)
+
     def held(self, buttons: Sequence[int]) -> tuple[bool, bool]:
         """Whether a button that lets the robot move is held, and whether it is the turbo button."""
         enable, turbo = self.device.enable_button, self.device.enable_turbo_button

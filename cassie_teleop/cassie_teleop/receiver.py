@@ -16,11 +16,15 @@ class Receiver:
     Args:
         radio: Reads the channels.
         timeout: Greatest age of a message, in s of wall time.
+
+    Attributes:
+        records: Whether the device asks for a recording; None while it is not known.
     """
 
     def __init__(self, radio: Radio, timeout: float) -> None:
         """Begin without a message."""
         self.timeout = timeout
+        self.records: bool | None = None
         self._radio = radio
         self._request: Request | None = None
         self._refusal = ""
@@ -44,6 +48,7 @@ class Receiver:
             return True
         self._refusal = ""
         self._request = request
+        self.records = self._radio.records(axes, buttons)
         if request is None:
             return False
         return (

@@ -233,3 +233,22 @@ def test_bad_device_files_are_refused(tmp_path, change, message):
     path.write_text(text)
     with pytest.raises(DeviceError, match=message):
         read_device(path)
+
+
+def test_the_record_switch_of_a_radio_is_a_level_and_of_a_pad_two_buttons(radio):
+    receiver = Receiver(radio, 0.5)
+    assert receiver.records is None
+    for position, wanted in ((-1.0, False), (0.0, False), (1.0, True)):
+        receiver.receive(taranis(SF=position), [1, 1], 1.0)
+        assert receiver.records is wanted
+    pad = Receiver(Radio(read_device(CONFIG / "xbox.yaml")), 0.5)
+    for button, wanted in ((None, None), (6, True), (None, True), (8, False), (None, False)):
+        pad.receive([0.0] * 8, [int(i == button) for i in range(11)], 1.0)
+        assert pad.records is wanted
+
+
+def test_channels_that_are_refused_move_no_record_switch(radio):
+    receiver = Receiver(radio, 0.5)
+    receiver.receive(taranis(SF=-1.0), [1, 1], 1.0)
+    receiver.receive(taranis(SF=1.0, RV=float("nan")), [1, 1], 1.1)
+    assert receiver.records is False

@@ -20,6 +20,7 @@ from cassie_teleop.device import read_device, with_buttons
 from cassie_teleop.radio import Radio
 from cassie_teleop.receiver import Receiver
 from cassie_teleop.requests import without_link
+from cassie_teleop.ros.recorder import RecorderService
 from cassie_teleop.ros.sender import Sender
 
 _APART = 0.005  # s, least time between commands without a stop
@@ -63,6 +64,9 @@ class RcTeleop(Node):
         self._config = config
         parameters.on_change(self, lambda: self._config, self._configure)
         self._sender = Sender(self)
+        self._recorder = RecorderService(self, self.get_logger().info)
+        self._records: bool | None = None
+        self._record_by_axis = device.record is not None and device.record.axis >= 0
         self._diagnostics = diagnostics.Diagnostics(self)
         self._joy = RawSubscription(self, Joy, "/joy", NEWEST)
         self._waiter = LaneWaiter(self, [self._joy])
@@ -96,6 +100,14 @@ class RcTeleop(Node):
         now = time.monotonic()
         urgent = self._receiver.receive(joy.axes, joy.buttons, now)
         self._due = now if urgent else min(self._due, max(now, self._sent + _APART))
+        self._record(self._receiver.records)
+
+    def _record(self, wanted: bool | None) -> None:
+        """Begin or end a recording when the switch is moved; as found, it asks for nothing."""
+        before, self._records = self._records, wanted
+        found = before is None and self._record_by_axis
+        if wanted is not None and wanted != before and not found:
+            self._recorder.record(wanted)
 
     def _send(self) -> None:
         now = self._sent = time.monotonic()

@@ -27,7 +27,7 @@ from cassie_teleop.page_messages import RECORD, Beat, Press, Slide
 from cassie_teleop.page_server import PageServer, is_loopback
 from cassie_teleop.robot_description import RobotDescription
 from cassie_teleop.ros.console_topics import ConsoleTopics
-from cassie_teleop.ros.recorder import Recorder
+from cassie_teleop.ros.recorder import Recorder, RecorderService
 from cassie_teleop.ros.sender import Sender
 from cassie_teleop.ros.simulator_services import SimulatorServices
 
@@ -79,7 +79,9 @@ class WebConsole(Node):
         self._console = Console(self._sender.name, self._config.reach)
         parameters.on_change(self, lambda: self._config, self._configure)
         self._simulator = SimulatorServices(self, self._tell)
-        self._recorder = Recorder(Path(self._config.bags).expanduser(), self._show)
+        self._recorder = Recorder(
+            Path(self._config.bags).expanduser(), self._show, RecorderService(self, self._tell)
+        )
         self._topics: ConsoleTopics | None = None
         self._description: RobotDescription | None = None
         self._described = 0
