@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from closed_loop import Robot
+from closed_loop import PERIOD, Robot
 from faulty_samples import IN_TIME, LIMITS, AfterHealthyRows, reports, samples, spoil
 from kinematic_gaits import kinematic_library
 from supervised import WALK
@@ -244,3 +244,21 @@ def test_the_delay_of_the_joints_velocity_filter_is_that_of_the_filter():
     response = sum(b * z**k for k, b in enumerate(forward))
     response /= s * (1.0 + sum(a * z**k for k, a in enumerate(back, 1)))
     assert -np.angle(response) / s.imag == pytest.approx(JOINT_FILTER_DELAY, abs=1e-6)
+
+
+def test_brief_disagreements_far_apart_do_not_add_up():
+    """A residual that is a little too large for 15 ms, once in 2 s."""
+    limits = np.zeros(19, PairLimits.TYPE)
+    set_pair_limits(PERIOD, PERIOD, 0.5, limits)
+    drive, pair = limits[2], np.zeros(1, Pair.TYPE)
+    speeds = 0.02 * np.random.default_rng(1).standard_normal(10_000)
+    positions = np.cumsum(0.5 * PERIOD * (speeds + np.roll(speeds, 1)))
+    for tick, (position, speed) in enumerate(zip(positions, speeds, strict=True)):
+        pair[0]["position"], pair[0]["velocity"] = position, speed
+        if tick == 0:
+            initialise_pair(pair[0])
+            continue
+        if tick % 1000 == 0:
+            pair[0]["residual"] = 1.05 * drive["residual"]
+        check_pair(pair[0], drive, tick, 0.0)
+        assert not pair[0]["rejected_for"].any(), tick

@@ -376,6 +376,7 @@ def _check_residual(pair: Pair, limits: PairLimits, ticks: int, tolerance: float
     _update_jump_peak(pair, limits, position_step, velocity_step)
     delayed = _delayed_channel(pair, limits, ticks, velocity_step)
     if delayed == _NO_CHANNEL and _agrees(pair, limits, tolerance):
+        pair.undecided_time = 0.0
         return False
     return _isolate_fault(pair, limits, delayed)
 
