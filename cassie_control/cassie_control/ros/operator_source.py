@@ -62,7 +62,7 @@ class OperatorSource:
         self._refusals = Refusals()
         self._script, self._heard = b"", 0.0
         self._early: deque[bytes] = deque(maxlen=_MOST)
-        self._answered: dict[int, OperatorCommand] = {}
+        self._answered: dict[int, bytes] = {}
         self._received = OperatorCommand()
         self._command = OperatorCommand()
         self._arrived = -1.0
@@ -149,7 +149,8 @@ class OperatorSource:
         The loop runs on for a period before it waits for this node, so the answer to the next
         state may have come as well.
         """
-        self._command = self._answered.get(seq, self._command)
+        if (answer := self._answered.get(seq)) is not None:
+            self._command.load(answer)
         for older in [key for key in self._answered if key <= seq]:
             del self._answered[older]
         return self._arrived >= 0.0 and int(self._command.seq) == seq
@@ -202,8 +203,8 @@ class OperatorSource:
         seq = int(command.seq)
         refused = outside("seq", seq, 0, self._seq + LEAD)
         if not refused:
-            self._command = self._answered[seq] = OperatorCommand()
             self._command.copy_from(command)
+            self._answered[seq] = command.to_bytes()
             self._script, self._arrived, self._heard = writer, now, now
         return refused
 
