@@ -208,6 +208,7 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         """
         super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos, guard)
         self._drain = qos.depth > 1
+        self._accepted = None if guard is None else guard.accepted
         self._every, self._scratch = every, sample_type()
 
     def take_last(self, most: int) -> Sequence[bytes]:
@@ -235,10 +236,11 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
     def _load(self, sample: SampleT) -> memoryview | bool:
         """Load the next accepted message into a sample, or return its bytes; False without one."""
         inbox, guard = self.inbox, self._guard
-        accepted = guard.accepted if guard is not None else None
-        while not isinstance(taken := inbox.load(sample, accepted, self._every), bool):
+        taken = inbox.load(sample, self._accepted, self._every)
+        while taken is not True and taken is not False:
             if guard is None or guard.admits(inbox.writer, taken):
-                return taken
+                break
+            taken = inbox.load(sample, self._accepted, self._every)
         return taken
 
     def take(self, sample: SampleT) -> bool:

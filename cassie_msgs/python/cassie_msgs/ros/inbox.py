@@ -105,8 +105,16 @@ class Inbox:
 
         def call(_: int | None, count: int) -> None:
             # This thread announces earlier messages; it holds the lock the other thread waits for.
-            if threading.get_ident() == here or not self._answered(answer):
-                os.eventfd_write(self.descriptor, count)
+            if threading.get_ident() != here:
+                if self._receiver == -1:
+                    ctypes.pythonapi.PyGILState_Ensure()  # Python keeps its state for this thread
+                    self._receiver = threading.get_ident()
+                try:
+                    if answer():
+                        return
+                except BaseException as error:
+                    self._error = error
+            os.eventfd_write(self.descriptor, count)
 
         self._callback = _Callback(call)
         with self._handle:
@@ -117,16 +125,6 @@ class Inbox:
             finally:
                 _ring(self._inbox, self._pointer)
                 self._receiver = 0
-
-    def _answered(self, answer: Callable[[], bool]) -> bool:
-        if self._receiver == -1:
-            ctypes.pythonapi.PyGILState_Ensure()  # Python keeps its state for this thread
-            self._receiver = threading.get_ident()
-        try:
-            return answer()
-        except BaseException as error:
-            self._error = error
-            return False
 
     def clear(self) -> None:
         """Make the descriptor unreadable until the next message comes.
