@@ -53,7 +53,6 @@ setup(
             "replay = cassie_bags.executables:replay",
             "recover = cassie_bags.executables:recover",
             "experiment = cassie_bags.executables:experiment",
-            "estimators = cassie_bags.executables:estimators",
             "fingerprint = cassie_bags.executables:fingerprint",
             "faults = cassie_bags.executables:faults",
             "failsafes = cassie_bags.executables:failsafes",

@@ -32,7 +32,6 @@ COMMANDS = {
         "faults": "let sensors fail, and measure the reaction",
         "failsafes": "test every fail-safe",
         "fingerprint": "whether every trajectory is unchanged",
-        "estimators": "errors of both estimators",
         "return_map": "the step-to-step map, by gentle pushes",
     },
     "Tune": {

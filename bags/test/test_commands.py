@@ -61,7 +61,6 @@ def test_an_unknown_option_is_told_at_once(verb: str):
     "words",
     [
         ("compare", "nosuch", "other"),
-        ("estimators", "nosuch"),
         ("experiment", "nosuch"),
         ("failsafes", "nosuch"),
         ("faults", "nosuch"),

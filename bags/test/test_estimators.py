@@ -1,55 +1,47 @@
-"""Both estimators on one walk, against the truth: what the command prints, and its errors."""
+"""Both estimators against the truth, by the rows of the sweep."""
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
-from cassie_bags.cli import estimators as command
-from cassie_bags.cli.frame import OK, WRONG_INPUT
-from cassie_bags.studies import estimators
-from cassie_bags.studies.estimators import compare
+from cassie_bags.studies.run_trial import run_trial
+from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.loop_rows import loop_rows
+from cassie_bags.studies.trial import Measures
+
+ROWS = {row.name: row for row in loop_rows() if row.group == "estimator"}
+
+
+def walked(name: str, estimator: str) -> Measures:
+    """Measures of robot 2, which walks with one of the estimators."""
+    row = ROWS[name]
+    changes = (f"estimator.estimator={estimator}",)
+    (trial,) = row.trials(Budget(1, 1, 10.0, changes=changes, first=2), row.levels[0])
+    measures = run_trial(trial)
+    assert not measures["fell"]
+    return measures
 
 
 @pytest.fixture(scope="module")
-def flat():
-    """Errors of each estimator by its name, on flat ground."""
-    return {errors.estimator: errors for errors in compare("flat", 2, lambda ticks: ticks)}
+def flat() -> dict[str, Measures]:
+    """Measures on flat ground by estimator."""
+    return {name: walked("estimator.vx", name) for name in ("invariant", "kinematic")}
 
 
 def test_the_filter_knows_velocity_tilt_and_place_while_walking(flat):
     errors = flat["invariant"]
-    assert errors.velocity.max() < 0.01
-    assert errors.tilt.max() < math.radians(0.3)
-    assert errors.drift < 0.01
+    assert max(errors[f"rmse_{axis}"] for axis in ("vx", "vy", "vz")) < 0.01
+    assert errors["rmse_tilt"] < 0.3
+    assert errors["odometry"] < 0.01
 
 
 def test_it_is_better_than_the_velocity_of_the_loaded_leg(flat):
-    assert flat["invariant"].velocity[0] < 0.2 * flat["kinematic"].velocity[0]
-    assert flat["invariant"].tilt.max() < 0.5 * flat["kinematic"].tilt.max()
+    assert flat["invariant"]["rmse_vx"] < 0.2 * flat["kinematic"]["rmse_vx"]
+    assert flat["invariant"]["rmse_tilt"] < 0.5 * flat["kinematic"]["rmse_tilt"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["flt"], "unknown ground flt: did you mean flat?"),
-        (["--seed", "-1"], "-1 is not a whole number"),
-    ],
-)
-def test_wrong_arguments_are_named(capsys, arguments, said):
-    try:
-        code = command.main(arguments)
-    except SystemExit as stop:
-        code = stop.code
-    assert code == WRONG_INPUT
-    assert said in capsys.readouterr().err
-
-
-def test_the_table_has_a_row_for_each_estimator(monkeypatch, capsys, flat):
-    monkeypatch.setattr(estimators, "compare", lambda *_: list(flat.values()))
-    assert command.main(["flat", "--seed", "2"]) == OK
-    out = capsys.readouterr().out
-    for name, errors in flat.items():
-        (row,) = (line for line in out.splitlines() if name in line)
-        assert f"{errors.velocity[0]:.4f}" in row
+@pytest.mark.parametrize("ground", ["slippery", "soft"])
+def test_the_velocity_stays_within_the_target_on_other_ground(ground: str):
+    row = ROWS[f"estimator.{ground}"]
+    assert callable(row.figure)
+    assert row.figure(walked(row.name, "invariant"), row.levels[0]) <= row.target

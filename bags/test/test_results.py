@@ -7,13 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from cassie_bags.cli import estimators, faults, return_map
-from cassie_bags.cli.frame import OK, WRONG_INPUT
-from cassie_bags.run.provenance import Origin, revision
-from cassie_bags.studies import estimators as estimators_study
+from cassie_bags.cli import faults, return_map
+from cassie_bags.cli.frame import WRONG_INPUT
+from cassie_bags.run.provenance import Origin
 from cassie_bags.studies import faults as faults_study
 from cassie_bags.studies import return_map_run
-from cassie_bags.studies.estimators import Errors, compare
 from cassie_bags.studies.results import put_table, table_of
 
 RESULTS = Path(__file__).resolve().parents[1] / "RESULTS.md"
@@ -26,9 +24,7 @@ def results(tmp_path: Path) -> Path:
     return Path(shutil.copy(RESULTS, tmp_path))
 
 
-@pytest.mark.parametrize(
-    "heading", [estimators_study.SECTION, faults_study.SECTION, return_map_run.SECTION]
-)
+@pytest.mark.parametrize("heading", [faults_study.SECTION, return_map_run.SECTION])
 def test_a_table_replaces_the_one_of_its_section_and_says_where_it_is_from(
     results: Path, heading: str
 ):
@@ -54,22 +50,9 @@ def test_a_file_that_is_not_there_is_made(tmp_path: Path):
     assert text.endswith(".\n\n| a |\n|---|\n| 1 |\n")
 
 
-def test_estimators_write_their_table(results: Path, monkeypatch: pytest.MonkeyPatch):
-    errors: list[Errors] = list(compare("flat", 2, lambda ticks: ticks[:6000]))
-    monkeypatch.setattr(estimators_study, "compare", lambda *_: errors)
-    assert estimators.main(["--seed", "2", "--results", str(results)]) == OK
-    text = results.read_text()
-    header, _, *rows = table_of(text, estimators_study.SECTION)
-    assert header[0] == "ground"
-    assert rows[0][2] == f"{errors[0].velocity[0]:.4f}"
-    assert "Measured by `ros2 run cassie_bags estimators --seed 2`: " in text
-    assert f"revision {revision()}, " in text
-
-
 @pytest.mark.parametrize(
     ("command", "words"),
     [
-        (estimators, ["flat"]),
         (faults, ["drive_position.3"]),
         (faults, ["--kinds", "off"]),
         (return_map, ["--speeds", "0.5"]),
@@ -82,7 +65,7 @@ def test_a_part_of_a_table_does_not_replace_it(command, words, results: Path, ca
     assert results.read_text() == RESULTS.read_text()
 
 
-@pytest.mark.parametrize("command", [estimators, faults, return_map])
+@pytest.mark.parametrize("command", [faults, return_map])
 def test_a_folder_that_is_not_there_is_told_before_anything_is_measured(
     command, tmp_path: Path, capsys
 ):

@@ -35,6 +35,7 @@ WINDOW_MEASURES = (
     "depth",
     "sole_pitch",
     *_RMSE,
+    "rmse_tilt",
     "odometry",
     "tracking",
     *TRACKING,
@@ -68,6 +69,7 @@ def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> d
         - depth (m): median depth of the lower sole below the height of the start.
         - sole_pitch (deg): see `metrics.sole_pitch`.
         - rmse_vx, rmse_vy, rmse_vz (m/s): RMSE of the estimated velocity in the heading frame.
+        - rmse_tilt (deg): RMSE of estimated roll or pitch, the larger one.
         - odometry: error of the estimated displacement over its length.
         - tracking (rad and m): RMS error of the nine outputs; `TRACKING` has that of each output.
     """
@@ -138,7 +140,7 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
 
 
 def _estimate_errors(track: Track, inside: BoolArray) -> dict[str, float]:
-    """Errors of the estimated velocity and displacement, compared with the truth."""
+    """Errors of the estimated velocity, tilt and displacement, compared with the truth."""
     rows = track.state[inside]
     true = in_heading(track.velocity[inside], track.angles[inside, 0])
     estimated = in_heading(rows["v"][:, :3], rows["q"][:, 3])
@@ -147,6 +149,8 @@ def _estimate_errors(track: Track, inside: BoolArray) -> dict[str, float]:
     moved.append(_displacement(rows["q"][:, :3], rows["q"][:, 3]))
     length = float(np.linalg.norm(moved[0]))
     measures = dict(zip(_RMSE, rmse.tolist(), strict=True))
+    tilt = np.degrees(rows["q"][:, [4, 5]] - track.angles[inside, 1:])
+    measures["rmse_tilt"] = float(np.sqrt((tilt**2).mean(axis=0)).max())
     measures["odometry"] = float(np.linalg.norm(moved[1] - moved[0])) / max(length, 0.1)
     return measures
 

@@ -32,7 +32,10 @@ def loop_rows() -> list[Row]:
         _estimate("vx", "estimated velocity ahead, RMSE", "m/s", "rmse_vx"),
         _estimate("vy", "estimated velocity sideways, RMSE", "m/s", "rmse_vy"),
         _estimate("vz", "estimated velocity upwards, RMSE", "m/s", "rmse_vz"),
+        _estimate("tilt", "estimated tilt, RMSE", "deg", "rmse_tilt", 0.3),
         _estimate("drift", "odometry's drift", "%", lambda f, _: 100.0 * f["odometry"], 3.0),
+        _estimate_on("slippery", "at friction 0.3", 0.5, "flat", friction=0.3),
+        _estimate_on("soft", "on ground that sinks in by 3 cm", 0.3, "sand", sinking=0.03),
     ]
 
 
@@ -79,3 +82,19 @@ def _tracking(speed: float) -> Row:
 def _estimate(name: str, title: str, unit: str, figure: Figure, target: float = 0.03) -> Row:
     title = f"{title} at {SPEED:g} m/s"
     return at_most(f"estimator.{name}", title, unit, target, straight, figure, SPEED)
+
+
+def _estimate_on(name: str, where: str, speed: float, scene: str, **parameters: float) -> Row:
+    def trial(budget: Budget, seed: int, vx: float) -> Trial:
+        ground = {"scene": scene, "scene_parameters": parameters}
+        return walk(budget, seed, steady(budget, vx), vx=vx, **ground)
+
+    return at_most(
+        f"estimator.{name}",
+        f"estimated velocity at {speed:g} m/s {where}, RMSE of the worst axis",
+        "m/s",
+        0.03,
+        robots(trial),
+        lambda measures, _: max(measures[f"rmse_{axis}"] for axis in ("vx", "vy", "vz")),
+        speed,
+    )
