@@ -86,8 +86,9 @@ def _estimate(name: str, title: str, unit: str, figure: Figure, target: float = 
 
 def _estimate_on(name: str, where: str, speed: float, scene: str, **parameters: float) -> Row:
     def trial(budget: Budget, seed: int, vx: float) -> Trial:
-        ground = {"scene": scene, "scene_parameters": parameters}
-        return walk(budget, seed, steady(budget, vx), vx=vx, **ground)
+        return walk(
+            budget, seed, steady(budget, vx), vx=vx, scene=scene, scene_parameters=parameters
+        )
 
     return at_most(
         f"estimator.{name}",
