@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -32,7 +32,7 @@ from cassie_bags.ros.processes import (
     own_domain,
     write_parameters,
 )
-from cassie_msgs.layout import MotorCommand, Sensors
+from cassie_msgs.layout import LayoutError, MotorCommand, Sensors
 from cassie_msgs.msg import SupervisorStatus
 from cassie_msgs.ros.fast_lane import NEWEST, LaneSubscription, RawSubscription
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
@@ -242,8 +242,10 @@ class Eyes:
     def look(self, timeout: float = 0.01) -> None:
         """Take in what has come."""
         self._executor.spin_once(timeout_sec=timeout)
-        self._sensors.take(self.sensors)
-        self._commands.take(self.command)
+        with suppress(LayoutError):  # of a stranger
+            self._sensors.take(self.sensors)
+        with suppress(LayoutError):
+            self._commands.take(self.command)
         if (raw := self._truth.take_raw()) is not None:
             self._odometry = deserialize_message(raw, Odometry)
 

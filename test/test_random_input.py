@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -152,21 +153,27 @@ def test_random_input_on_all_topics_and_services_at_once(tmp_path: Path) -> None
             assert "Traceback" not in robot.processes.log(name).read_text(), name
 
 
-def test_noise_before_the_nodes_ends_none_and_the_robot_walks_after_it(tmp_path: Path) -> None:
+def test_the_robot_walks_beside_noise_that_began_before_the_nodes(tmp_path: Path) -> None:
     with Robot(tmp_path, WALK, simulator={"paused": True}) as robot:
-        noise = Noise(robot.domain, np.random.default_rng(20))
+        noise, over = Noise(robot.domain, np.random.default_rng(20)), threading.Event()
+
+        def speak() -> None:
+            while not over.wait(0.005):
+                noise.step()
+
+        speaker = threading.Thread(target=speak)
+        speaker.start()
         try:
             robot.start()
-            end = time.monotonic() + 12.0
-            while time.monotonic() < end:
-                noise.step()
-                time.sleep(0.005)
+            robot.go()
+            robot.eyes.wait_for(lambda: robot.eyes.mode == "walk", "mode walk")
+            walking = robot.eyes.tick
+            robot.eyes.wait_for(lambda: robot.eyes.tick > walking + 2000, "4 s of walking")
+            assert robot.stands() and robot.eyes.mode == "walk", robot.eyes.summary()
             robot.processes.check()
         finally:
+            over.set()
+            speaker.join()
             noise.close()
-        time.sleep(2.0)  # the newest message of every topic is a node's again
-        robot.go()
-        robot.eyes.wait_for(lambda: robot.eyes.mode == "walk", "mode walk")
-        robot.processes.check()
         for log in (tmp_path / "log").glob("*.log"):
             assert "Traceback" not in log.read_text(), log.stem

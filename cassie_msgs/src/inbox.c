@@ -46,7 +46,7 @@ typedef struct
 typedef struct
 {
   uint8_t writer[RMW_GID_STORAGE_SIZE];
-  bool usual;       // whether there is one, whose last message was accepted
+  bool usual;       // whether there is a writer and its last message was accepted
   double heard;     // time of its last message, in s
   uint64_t lead;    // most ticks by which a message may be ahead; 0: in any order
   place_t last;     // place of that message
@@ -141,25 +141,20 @@ static double now(void)
   return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
 }
 
-static rcl_ret_t take_oldest(inbox_t * inbox, const rcl_subscription_t * subscription)
-{
-  rmw_message_info_t info;
-  rcl_ret_t code = rcl_take_serialized_message(subscription, &inbox->message, &info, NULL);
-  if (code == RCL_RET_OK) {
-    inbox->bytes = inbox->message.buffer;
-    inbox->length = inbox->message.buffer_length;
-    inbox->capacity = inbox->message.buffer_capacity;
-    inbox->number = info.publication_sequence_number;
-    memcpy(inbox->writer, info.publisher_gid.data, RMW_GID_STORAGE_SIZE);
-  }
-  return code;
-}
-
 // Takes the oldest message, for a closer look.
 int inbox_take(inbox_t * inbox, const rcl_subscription_t * subscription)
 {
-  rcl_ret_t code = take_oldest(inbox, subscription);
-  return code == RCL_RET_OK ? LOOK : code == RCL_RET_SUBSCRIPTION_TAKE_FAILED ? NOTHING : FAILED;
+  rmw_message_info_t info;
+  rcl_ret_t code = rcl_take_serialized_message(subscription, &inbox->message, &info, NULL);
+  if (code != RCL_RET_OK) {
+    return code == RCL_RET_SUBSCRIPTION_TAKE_FAILED ? NOTHING : FAILED;
+  }
+  inbox->bytes = inbox->message.buffer;
+  inbox->length = inbox->message.buffer_length;
+  inbox->capacity = inbox->message.buffer_capacity;
+  inbox->number = info.publication_sequence_number;
+  memcpy(inbox->writer, info.publisher_gid.data, RMW_GID_STORAGE_SIZE);
+  return LOOK;
 }
 
 // Takes the oldest message and copies it to a sample, if it has its size and is expected.

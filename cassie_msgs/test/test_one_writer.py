@@ -6,7 +6,7 @@ import pytest
 import rclpy
 from std_msgs.msg import Int32
 
-from cassie_msgs.layout import Mode, OperatorCommand
+from cassie_msgs.layout import LayoutError, Mode, OperatorCommand
 from cassie_msgs.ros import one_writer
 from cassie_msgs.ros.fast_lane import (
     EVERY,
@@ -15,7 +15,14 @@ from cassie_msgs.ros.fast_lane import (
     RawSubscription,
     take_from_each,
 )
-from cassie_msgs.ros.one_writer import RETURN_TIME, OneWriter, WriterWatch, identity, writers
+from cassie_msgs.ros.one_writer import (
+    MOST_UNUSED,
+    RETURN_TIME,
+    OneWriter,
+    WriterWatch,
+    identity,
+    writers,
+)
 
 
 def until(holds, timeout=90.0):
@@ -141,6 +148,52 @@ def test_a_writer_that_seemed_gone_returns_to_its_place(monkeypatch):
     assert not guard.admits(another, mode)  # started in place of a silent one, which is known yet
     guard.release()
     assert guard.admits(another, mode)
+
+
+def test_a_writer_of_noise_loses_its_place_to_the_node(node, others):
+    """It spoke before the nodes were there, and they listened to it until it was gone."""
+    lane = Lane(node, others)
+    lane.send(lane.second, 2**40)
+    assert lane.heard() == [2**40]
+    lane.send(lane.second, 5)
+    assert lane.heard() == []
+    for seq in (7, 8):
+        lane.send(lane.first, seq)
+    lane.send(lane.second, 9)
+    lane.send(lane.first, 9)
+    assert lane.heard() == [7, 8, 9]
+    lane.watch.look()
+    assert lane.reports[Mode.TOPIC] == "second ignored: first writes it already"
+
+
+@pytest.mark.parametrize("size", [28, Mode.SIZE - 1])
+def test_a_message_of_another_size_wins_no_place(node, others, size):
+    lane = Lane(node, others)
+    lane.second.publish_raw(Mode().to_bytes()[:28] + bytes(size - 28))
+    time.sleep(0.2)
+    with pytest.raises(LayoutError, match=f"received {size}"):
+        lane.subscription.take_next(Mode())
+    lane.send(lane.first, 1)
+    lane.send(lane.second, 2)
+    assert lane.heard() == [1]
+
+
+def test_a_reader_that_refuses_gives_the_place_away_but_not_at_a_reset():
+    guard = OneWriter(Mode, in_order=False)
+    stranger, node = bytes(16), bytes([1] * 16)
+    mode = memoryview(Mode().to_bytes())
+    assert guard.admits(stranger, mode)
+    for _ in range(MOST_UNUSED - 1):
+        guard.used(False)
+        assert not guard.admits(node, mode)
+    guard.used(False)
+    assert guard.admits(node, mode)
+    for used in (False, False, True) * MOST_UNUSED:
+        guard.used(used)
+    assert not guard.admits(stranger, mode)
+    guard.doubt()
+    assert guard.admits(node, mode)  # it went on before another spoke
+    assert not guard.admits(stranger, mode)
 
 
 @pytest.mark.parametrize("size", [0, 4, 12, 27])

@@ -118,11 +118,15 @@ class GaitSource:
             except ValueError as error:
                 self._conditions.set("gait message", str(error))
                 continue
-            if int(gait.episode) != self._episode:
+            same = int(gait.episode) == self._episode
+            self.optimizer.used(same)
+            if not same:
                 continue
             self._lost = False
             refused = gait_refusal(gait, tick)
             self._conditions.set("gait message", refused)
+            if refused:
+                self.optimizer.doubt()
             if not refused and int(gait.effective_seq) == self._asked:
                 self._next.copy_from(gait)
                 self._answered = self._asked

@@ -141,11 +141,15 @@ class ModeSource:
             except ValueError as error:
                 self._conditions.set("mode", str(error))
                 continue
-            if int(self._mode.episode) != self._episode:
+            same = int(self._mode.episode) == self._episode
+            self.supervisor.used(same)
+            if not same:
                 continue
             refused = refusal(self._mode, self._tick)
             self._conditions.set("mode", refused)
-            if not refused:
+            if refused:
+                self.supervisor.doubt()
+            else:
                 self._table.add(self._mode)
                 self._heard = True
 

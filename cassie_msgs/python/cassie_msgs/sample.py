@@ -30,7 +30,8 @@ HEADER_SIZE = _HEADER.size
 _PLACE = struct.Struct("<12xI4xQ")
 _STAMP = struct.Struct("<iI")
 _STAMP_OFFSET = 4
-_MAX_PADDING = 3  # RTPS pads a payload to a multiple of four bytes
+PADDING = 3
+"""Most bytes behind a message: RTPS pads a payload to a multiple of four bytes."""
 
 _COMMON: tuple[Field, ...] = (
     ("sec", np.int32, 1),
@@ -146,7 +147,7 @@ class Sample:
         if len(raw) == size and raw[0] == _PLAIN and raw[1] == _LITTLE_ENDIAN:
             self._memory[:] = raw
             return
-        if not 0 <= len(raw) - size <= _MAX_PADDING:
+        if not 0 <= len(raw) - size <= PADDING:
             raise LayoutError(f"{self.TYPE} has {self.SIZE} bytes, received {len(raw)}")
         if raw[:2] != ENCAPSULATION[:2]:
             raise LayoutError(

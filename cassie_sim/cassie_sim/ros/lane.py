@@ -75,15 +75,17 @@ class SimulatorLane:
         }
         self._clock = node.create_publisher(Clock, "/clock", _CLOCK_QOS)
         self._joint_states = JointStates(node)
-        controller = OneWriter(MotorCommand, in_order=False)
-        self._commands = LaneSubscription(node, MotorCommand, qos=NEWEST_OF_ONE, guard=controller)
+        self._controller = OneWriter(MotorCommand, in_order=False)
+        self._commands = LaneSubscription(
+            node, MotorCommand, qos=NEWEST_OF_ONE, guard=self._controller
+        )
         self._operator = LaneSubscription(node, OperatorCommand, qos=EVERY)
         self._waiter = LaneWaiter(
             node, [self._commands, self._operator] if scripted else [self._commands]
         )
         WriterWatch(
             node,
-            [controller],
+            [self._controller],
             [self._sensors.publisher, self._truth, self._clock],
             lambda topic, problem: report(topic, problem or None),
         )
@@ -168,11 +170,14 @@ class SimulatorLane:
                 return
             episode, seq = key = int(self._received.episode), int(self._received.seq)
             refused = ""
-            if episode == self._asked[0]:
+            same = episode == self._asked[0]
+            self._controller.used(same)
+            if same:
                 refused = outside("seq", seq, 0, self._asked[1])
         except LayoutError as error:
             refused = str(error)
         if refused:
+            self._controller.doubt()
             self._command_refused = True
             self._report("motor_command", f"motor command refused: {refused}")
             return

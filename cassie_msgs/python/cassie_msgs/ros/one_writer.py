@@ -3,7 +3,8 @@
 DDS delivers the messages of every node in the domain. A receiver therefore binds to the writer of
 the first message that it accepts, by the identity that DDS gives with each message. Messages of
 other writers are dropped and reported with the names of their nodes. When the first writer has left
-the graph, the receiver binds to the next.
+the graph, the receiver binds to the next. A writer whose last message was refused, such as one that
+sends noise from before the nodes start, loses its place to the next writer that speaks.
 
 On a machine that stands still for longer than the lease of a DDS participant, every writer seems to
 have left, and returns. So for `RETURN_TIME` a writer that was dropped beside a live one does not
@@ -22,13 +23,17 @@ from rclpy.utilities import get_rmw_implementation_identifier
 
 from cassie_msgs.bounds import LEAD, Place, Progress
 from cassie_msgs.ros.periodic import Periodic
-from cassie_msgs.sample import HEADER_SIZE, Sample, place
+from cassie_msgs.sample import HEADER_SIZE, PADDING, Sample, place
 
 LOOK_PERIOD = 0.5
 """Wall time between two checks of the graph. In s."""
 
 RETURN_TIME = 3.0
 """Wall time in which a writer that left the graph may return to its place. In s."""
+
+MOST_UNUSED = 10
+"""Messages in a row for other episodes from which on a writer is in doubt. Around a reset a writer
+that works sends a few."""
 
 Report = Callable[[str, str], Any]
 """Takes a subject and its problem, which is empty when there is none."""
@@ -57,7 +62,8 @@ class Accepted(ctypes.Structure):
 
     Attributes:
         writer: Identity of the accepted writer.
-        usual: Whether there is one, whose last message was accepted.
+        usual: Whether there is a writer and its last message was accepted. Only then has it a
+            right to its place.
         heard: Time of its last message. In s.
         lead: Most ticks by which a message may be ahead of the last one; 0 if any order is.
         last: Place of that message.
@@ -91,6 +97,7 @@ class OneWriter:
         )
         self.writer = b""
         self.refused = ""
+        self._unused = 0
         self._dropped: set[bytes] = set()
         self._free_from = 0.0
         in_order = in_order and self._size > 0
@@ -99,27 +106,41 @@ class OneWriter:
         self.accepted = ctypes.addressof(self._known)
 
     def admits(self, writer: bytes, raw: memoryview) -> bool:
-        """Whether a message is accepted. One of another length is: its reader refuses it."""
+        """Whether a message is accepted. One of another length is: its reader refuses it, too."""
         known, now = self._known, time.monotonic()
-        if writer != self.writer:
-            if self.writer:
+        other = writer != self.writer
+        if other:
+            if known.usual:
                 if now < known.heard + _ALIVE and len(self._dropped) < _MOST_DROPPED:
                     self._dropped.add(writer)
                 return False
-            if writer in self._dropped and now < self._free_from:
+            if not self.writer and writer in self._dropped and now < self._free_from:
                 return False
-        if len(raw) < self._size:
+        if self._size and not 0 <= len(raw) - self._size <= PADDING:
+            known.usual = known.usual and other
             return len(raw) >= HEADER_SIZE
         if self._progress is not None:
+            if other:
+                self._progress.restart()
             self.refused = self._progress.refusal(*place(raw))
             if self.refused:
                 known.usual = False
                 return False
-        if not self.writer:
-            self.writer = writer
+        if other:
+            self.writer, self._unused = writer, 0
             known.writer[:] = writer
         known.usual, known.heard = True, now
         return True
+
+    def doubt(self) -> None:
+        """Take in that the reader refused the last message: the next writer gets the place."""
+        self._known.usual = False
+
+    def used(self, used: bool) -> None:
+        """Take in whether the reader could use the last message, or it was for another episode."""
+        self._unused = 0 if used else self._unused + 1
+        if self._unused >= MOST_UNUSED:
+            self.doubt()
 
     def release(self) -> None:
         """Forget the writer, which is gone: the next message of another one binds."""
