@@ -169,7 +169,7 @@ def test_what_is_wrong_in_an_objective_is_named(tmp_path: Path, text: str, reaso
 STAND = """
 courses: [{name: stand, seconds: 0.5}]
 """
-QUICK = ["walk.k[pd]_torso_pitch", "--seeds", "1", "--population", "3", "--jobs", "1"]
+QUICK = ["walk.k[pd]_torso_pitch", "--robots", "1", "--population", "3", "--jobs", "1"]
 
 
 def tune(*words: str | Path, **options) -> subprocess.CompletedProcess[str]:

@@ -10,6 +10,9 @@ from pathlib import Path
 from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
 
+SEEDS = 10
+"""Number of drawn robots, by default."""
+
 
 def positive(word: str) -> int:
     """A whole number of 1 or more.
@@ -135,9 +138,9 @@ def add_set(parser: argparse.ArgumentParser, words: str) -> None:
     )
 
 
-def add_seeds(parser: argparse.ArgumentParser, default: int, use: str) -> None:
+def add_seeds(parser: argparse.ArgumentParser, use: str) -> None:
     """Option `--seeds`: the number of drawn robots; their seeds begin at 1."""
-    add_number(parser, "--seeds", positive, default, f"robots {use}, drawn by seeds 1 to N")
+    add_number(parser, "--seeds", positive, SEEDS, f"robots {use}, drawn by seeds 1 to N")
 
 
 def add_out(parser: argparse.ArgumentParser, command: str) -> None:

@@ -25,7 +25,7 @@ def _parser() -> argparse.ArgumentParser:
         "their mean is kept. Other robots then walk with and without it, for comparison.",
         epilog=exit_codes("done", "tracking or falls got worse at a speed"),
     )
-    add_seeds(parser, 4, "to learn with")
+    add_seeds(parser, "to learn with")
     add_number(parser, "--rounds", positive, 2, "rounds of learning; each begins at the last mean")
     add_number(parser, "--seconds", seconds, 10.0, "time of learning at each speed, in s", "S")
     add_number(parser, "--held-out", positive, 3, "number of other robots for the comparison")

@@ -38,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="FILE",
         help="file of courses, model errors and costs (default: the package's)",
     )
-    add_number(parser, "--seeds", positive, 2, "new robots in each generation")
+    add_number(parser, "--robots", positive, 2, "new robots in each generation")
     add_number(parser, "--held-out", count, 10, "other robots for the final report")
     add_number(parser, "--generations", count, 30, "total number")
     add_number(parser, "--population", _population, 0, "size of a generation; 0: auto")

@@ -69,7 +69,7 @@ def _task(arguments: argparse.Namespace) -> Task:
     if len(space) < 2:
         raise ExperimentError(f"only {space[0].name} is to be searched: two or more are needed")
     objective = load_objective(arguments.objective or DEFAULT)
-    task = Task(space, objective, arguments.seeds, changes)
+    task = Task(space, objective, arguments.robots, changes)
     from cassie_bags.studies.run_trial import experiment_of
 
     for trial in objective.trials(values(space, np.zeros(len(space))), [1], task.changes):
