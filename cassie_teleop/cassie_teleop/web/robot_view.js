@@ -119,14 +119,14 @@ export class RobotView {
     const feet = this.robot.soles.map((soles) => soles.map((sole) => sole.getWorldPosition(new THREE.Vector3())));
     if (!root.visible) return;
     if (feet.every((foot) => foot.length)) {
-      this.stand(feet, contact);
+      this.stand(feet, contact, rides);
       if (rides) this.ride(feet.flat(), root);
     }
     this.follow(root.position);
   }
 
-  /** Height of the pelvis above the mean of the soles, the level of the ground, footsteps. */
-  stand(feet, contact) {
+  /** Height of the pelvis above the mean of the soles, the level of the ground, footsteps on it. */
+  stand(feet, contact, rides) {
     const low = feet.map((foot, i) => Math.min(...foot.map((point, j) => point.z - this.robot.soles[i][j].radius)));
     this.height = this.robot.root.position.z - (low[0] + low[1]) / 2;
     this.level ??= Math.min(...low);
@@ -139,7 +139,7 @@ export class RobotView {
     } else {
       this.level = Math.min(this.level, ...low); // no foot in the air is below the ground
     }
-    standing.forEach((now, i) => now && !this.contact[i] && this.step(i, feet[i]));
+    if (!rides) standing.forEach((now, i) => now && !this.contact[i] && this.step(i, feet[i]));
     this.contact = standing;
   }
 
