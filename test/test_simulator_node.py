@@ -155,7 +155,7 @@ def test_standard_topics(robot: Robot) -> None:
     clocks: list[Clock] = []
     joints: list[JointState] = []
     descriptions: list[String] = []
-    eyes.node.create_subscription(Clock, "/clock", clocks.append, 10)
+    eyes.node.create_subscription(Clock, "/clock", clocks.append, 1000)
     eyes.node.create_subscription(JointState, "/joint_states", joints.append, 10)
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     eyes.node.create_subscription(String, "/robot_description", descriptions.append, latched)
@@ -164,8 +164,11 @@ def test_standard_topics(robot: Robot) -> None:
         eyes.wait_for(lambda: len(clocks) > 20 and len(joints) > 20 and descriptions, "all three")
     assert set(joints[-1].name) == set(JOINTS)
     assert len(joints[-1].position) == len(JOINTS)
-    times = [clock.clock.sec * 10**9 + clock.clock.nanosec for clock in clocks[-10:]]
-    assert {later - earlier for earlier, later in itertools.pairwise(times)} == {10**7}
+    times = [clock.clock.sec * 10**9 + clock.clock.nanosec for clock in clocks]
+    # On a busy machine one may get lost on the way here, or be repeated.
+    steps = {later - earlier for earlier, later in itertools.pairwise(times)} - {0}
+    assert min(steps) == 10**7
+    assert {step % 10**7 for step in steps} == {0}
     assert "<robot" in descriptions[0].data
     assert '"package://cassie_sim/meshes/pelvis.stl"' in descriptions[0].data
 
