@@ -8,10 +8,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from cassie_bags.errors import BagError
+from cassie_bags.studies.trial import SEEDS
 from cassie_msgs.tunables import unknown_name
-
-SEEDS = 10
-"""Number of drawn robots, by default."""
 
 
 def positive(word: str) -> int:

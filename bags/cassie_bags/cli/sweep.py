@@ -15,6 +15,7 @@ from cassie_bags.cli.arguments import (
     seconds,
 )
 from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
+from cassie_bags.studies.trial import SEEDS
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -45,7 +46,9 @@ def _add_extent(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="list all rows and exit; `beyond` is the group of rows that are not promised",
     )
-    parser.add_argument("--seeds", type=positive, metavar="N", help="robots for each setting (10)")
+    parser.add_argument(
+        "--seeds", type=positive, metavar="N", help=f"robots for each setting ({SEEDS})"
+    )
     parser.add_argument(
         "--first",
         type=positive,

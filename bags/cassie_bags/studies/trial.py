@@ -11,6 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+SEEDS = 10
+"""Number of drawn robots of a study, by default."""
+
 Measures = dict[str, float]
 """Measures of a trial by name."""
 

@@ -30,12 +30,13 @@ from cassie_bags.studies.sweep.table import (
     save,
     table,
 )
+from cassie_bags.studies.trial import SEEDS
 from cassie_bags.studies.workers import CachedWorkers, Workers, completed, workers
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
-FULL = {"seeds": 10, "phases": 10, "seconds": 40.0}
+FULL = {"seeds": SEEDS, "phases": 10, "seconds": 40.0}
 QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
 """Extent of the runs, by default and with --quick."""
 

@@ -117,7 +117,7 @@ class OneWriter:
             if not self.writer and writer in self._dropped and now < self._free_from:
                 return False
         if self._size and not 0 <= len(raw) - self._size <= PADDING:
-            known.usual = known.usual and other
+            known.usual = False
             return len(raw) >= HEADER_SIZE
         if self._progress is not None:
             if other:
