@@ -35,7 +35,7 @@ def local_processes(count: int) -> Iterator[Executor]:
         GaitLibraryError: if a process died, for example because the system ran out of memory.
     """
     context = multiprocessing.get_context("fork")
-    pool = ProcessPoolExecutor(count, mp_context=context, initializer=_begin_worker)
+    pool = ProcessPoolExecutor(count, mp_context=context, initializer=end_with_starter)
     try:
         yield pool
     except BaseException as error:
@@ -55,6 +55,12 @@ def obey_parent() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def _begin_worker() -> None:
+def end_with_starter() -> None:
+    """Have this forked worker obey its parent, and end when that dies, for whatever reason.
+
+    It must be started by a thread that lives as long as the parent.
+    """
     obey_parent()
-    end_with_parent()
+    parent = multiprocessing.parent_process()
+    assert parent is not None and parent.pid is not None
+    end_with_parent(parent.pid)

@@ -111,9 +111,10 @@ class Processes:
 
         # Python loses a Ctrl-C that comes while it forks, and the process would not be known yet.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+        parent = os.getpid()
 
         def prepare() -> None:
-            end_with_parent()
+            end_with_parent(parent)
             if processors:
                 os.sched_setaffinity(0, processors)
             signal.pthread_sigmask(signal.SIG_SETMASK, before)

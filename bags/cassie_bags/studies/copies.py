@@ -11,8 +11,7 @@ from typing import Any, TypeVar, cast
 
 from cassie_bags.errors import RunError
 from cassie_bags.studies.workers import children_without_ctrl_c
-from cassie_gaits.processes import DIED, obey_parent
-from cassie_msgs.processes import end_with_parent
+from cassie_gaits.processes import DIED, end_with_starter
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -78,8 +77,7 @@ def _received(receiver: Connection) -> Any:
 
 
 def _answer(sender: Connection, function: Callable[[Item], Result], item: Item) -> None:
-    obey_parent()
-    end_with_parent()
+    end_with_starter()
     try:
         answer: tuple[Result | None, Exception | None] = (function(item), None)
     except Exception as error:

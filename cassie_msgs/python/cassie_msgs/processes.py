@@ -107,14 +107,22 @@ def run_command(name: str, run: Callable[[], int], *, stopped: str, no_reader: i
         signal.signal(signal.SIGTERM, before)
 
 
-def end_with_parent() -> None:
+def end_with_parent(parent: int) -> None:
     """Have this child process terminated when its parent process dies, for whatever reason.
 
     This works on Linux; elsewhere it does nothing. The child must be started by a thread that lives
     as long as the parent process.
+
+    Args:
+        parent: Process ID of the parent, from before the fork. Where the parent has died since, no
+            signal would come any more, and the child is terminated at once.
     """
+    # A handler that the parent has set would only note the signal, and be gone after `exec`.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PARENT_DIES, signal.SIGTERM)
+        if os.getppid() != parent:
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def end_within(seconds: int, status: int) -> None:

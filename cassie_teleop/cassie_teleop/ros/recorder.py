@@ -6,6 +6,7 @@ one, the page starts a recorder as a separate process.
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import time
@@ -153,7 +154,7 @@ class Recorder:
                 command,
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,
-                preexec_fn=end_with_parent,
+                preexec_fn=partial(end_with_parent, os.getpid()),
             )
         except OSError as error:
             self._tell(f"no recording: {error}")
