@@ -14,6 +14,7 @@ from cassie_control.control.recovery import (
     ShorteningLimit,
     add_braking_toe_torque,
     comes_to_rest,
+    loaded_leg,
 )
 from cassie_control.control.riding import RidingController
 from cassie_control.control.robot import Readings
@@ -103,7 +104,8 @@ class Activity(enum.Enum):
 class GaitController:
     """Computes drive set-points from state and mode.
 
-    From standing, walking begins with a lean to the left and a step of the right leg. From
+    From standing, walking begins with a lean to the left and a step of the right leg. A controller
+    that begins anew while the robot walks goes on with a step on the leg that carries it. From
     walking, standing begins at the next touchdown from which it comes to rest; the supervisor asks
     for standing when Cassie steps in place. A push that standing cannot hold makes the robot step
     by itself (`recovery`), until it comes to rest. Riding a Segway is standing with gains of its
@@ -210,15 +212,22 @@ class GaitController:
             self._enter(Activity.RIDING)
             self.riding.start(self.readings, self.standing.com_error)
         elif mode == _WALK:
-            if self.activity is not Activity.LEANING:
+            if self.activity is Activity.IDLE and not comes_to_rest(self.readings):
+                self._start_walking(loaded_leg(self.readings))
+                self.walking.join(self.readings)
+            elif self.activity is not Activity.LEANING:
                 if self.activity is not Activity.STANDING:
                     self.standing.start(self.readings)
                 self._enter(Activity.LEANING)
             elif self._time_in_activity >= self.config.transition.lean_time:
-                self._enter(Activity.WALKING)
-                self._recovering = False
-                self.walking.start(self.readings, LEFT)
-                self.learning.start()
+                self._start_walking(LEFT)
+
+    def _start_walking(self, stance: int) -> None:
+        """Begin with a step on a stance leg."""
+        self._enter(Activity.WALKING)
+        self._recovering = False
+        self.walking.start(self.readings, stance)
+        self.learning.start()
 
     def _enter(self, activity: Activity) -> None:
         if activity is self.activity:
@@ -253,12 +262,10 @@ class GaitController:
         stance = self.recovery.stance(self.readings, self.standing, self.config.transition)
         if stance is None:
             return
-        self._enter(Activity.WALKING)
-        self._recovering = True
         knee = float(self._command.position[LEG_DRIVE_COUNT * stance + KNEE])
         self.shortening.start(virtual_leg.length(knee))
-        self.walking.start(self.readings, stance)
-        self.learning.start()
+        self._start_walking(stance)
+        self._recovering = True
         self._step_walking(mode)
 
     def _step_walking(self, mode: Mode) -> bool:

@@ -39,6 +39,12 @@ def comes_to_rest(readings: Readings) -> bool:
     return within and calm and upright and low < width < high
 
 
+def loaded_leg(readings: Readings) -> int:
+    """Leg that carries more."""
+    left, right = readings.legs
+    return LEFT if left.force >= right.force else RIGHT
+
+
 def add_braking_toe_torque(readings: Readings, stance: int, command: MotorCommand) -> None:
     """Move the stance foot's centre of pressure to the capture point, at most to the sole's edge.
 
@@ -139,4 +145,4 @@ class RecoveryStep:
             return None
         if math.hypot(*standing.outside_support) < config.recovery_margin:
             return None
-        return LEFT if left.force >= right.force else RIGHT
+        return loaded_leg(readings)

@@ -255,6 +255,12 @@ class WalkingController:
         self._placement.reset()
         begin_step(readings.records, stance, False, self.plan.records)
 
+    def join(self, readings: Readings) -> None:
+        """Go on, after `start`, within the step of a robot that walks already."""
+        vx, vy, _ = readings.velocity
+        stance_foot = readings.legs[self.timing.stance].foot
+        self.timing.join(float(readings.com[0] - stance_foot[0]), (vx, vy))
+
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> bool:
         """Fill in the set-points.
 

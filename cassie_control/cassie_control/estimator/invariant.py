@@ -640,6 +640,7 @@ def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> f
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, correlation time of this speed
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
+_REST_SPEED = 0.3  # m/s, by the loaded feet: three standard deviations of `_FIRST_DEVIATION`
 _FIRST_DEVIATION = (
     (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; heading and position begin by definition
     (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
@@ -722,26 +723,41 @@ class InvariantEstimator(LegEstimator):
 
     def _estimate_pelvis(self, sensors: Sensors) -> None:
         if not self._started:
-            self._start()
+            self._start(sensors)
         state, legs = self._state.record, self._legs.records
         body, noise = self._body.records, self._noise.records
         if not estimate_pelvis(sensors.record, state, legs, body, self._filter.records, noise):
             self.restart()
             raise SensorError("the filter has diverged: the estimate begins anew")
 
-    def _start(self) -> None:
-        """Begin at rest with the IMU's orientation, the lower sole on the ground."""
+    def _start(self, sensors: Sensors) -> None:
+        """Begin with the IMU's orientation, the lower sole on the ground, and `_first_velocity`."""
         self._started = True
         start, body = self._filter, self._body
         R, vectors = body.attitude, start.vectors
         start.rotation = R
         vectors[_POSITION] = R @ body.imu_position
         vectors[_POSITION, 2] += self._first_height()
+        vectors[_VELOCITY] = R @ self._first_velocity(sensors.angular_velocity)
         start.origin[:] = self._state.q[:2]
         for i in range(2):
             vectors[_CONTACTS + i] = vectors[_POSITION] + R @ body.imu_to_soles[i]
             start.sole_rotations[i] = R @ self._legs.states[i].foot_rotation
         start.covariance = np.diag(np.square(np.ravel(_FIRST_DEVIATION)))
+
+    def _first_velocity(self, omega: FloatArray) -> FloatArray:
+        """Velocity of the IMU in the pelvis frame: at rest, unless the loaded feet contradict it.
+
+        The node may have started anew while the robot walks.
+
+        Args:
+            omega: Angular velocity. Shape (3,), in rad/s.
+        """
+        velocity, load = np.zeros(3), self._state.foot_load
+        for i in range(2):
+            foot = self._legs.states[i].foot_velocity + np.cross(omega, self._body.imu_to_soles[i])
+            velocity -= load[i] / max(load.sum(), 1e-6) * foot
+        return velocity if np.linalg.norm(velocity) > _REST_SPEED else np.zeros(3)
 
     def _set_noise(self) -> None:
         """Variances and power densities from the configured standard deviations."""

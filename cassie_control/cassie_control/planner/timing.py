@@ -17,6 +17,8 @@ _PHASE_RATE_TIME = 0.02  # s, time constant of the phase's rate
 _FIXED_RATE_PHASE = 0.9  # phase from which the step's time is not changed
 _FOOT_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
 _MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical speed of the swing foot at which a step may end
+_WALKING_SPEED = 0.2  # m/s, from which the place of the centre of mass tells the phase
+_LAST_JOINED_PHASE = 0.9
 _FULL_BACKWARD = 3.0  # s/m: laws for walking backward act in full from 1/3 m/s on
 
 
@@ -82,6 +84,22 @@ class StepTiming(Record):
         self.rate = 1.0 / self.step_time
         self.velocity[:] = self.travel[:] = self.mean_velocities[:] = 0.0
         self.foot_height = self.foot_speed = 0.0
+
+    def join(self, x: float, velocity: tuple[float, float]) -> None:
+        """Continue, after `start`, in the middle of a step.
+
+        A robot that walks forward or backward is above its stance foot in the middle of a step, and
+        travels velocity * step time in it. One that hardly moves begins its step anew.
+
+        Args:
+            x: Of the centre of mass from the stance foot. In m.
+            velocity: Of the pelvis, forward and to the left. In m/s.
+        """
+        self.velocity[:] = velocity
+        if abs(velocity[0]) > _WALKING_SPEED:
+            phase = 0.5 + x / (velocity[0] * self.step_time)
+            self.phase = max(0.0, min(_LAST_JOINED_PHASE, phase))
+            self.elapsed = self.phase * self.step_time
 
 
 @compiled
