@@ -51,6 +51,7 @@ from cassie_bags.ros import replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
+from cassie_msgs.layout import RobotState
 from cassie_msgs.ros.fast_lane import WRITER
 
 TIMEOUT = 20.0
@@ -123,6 +124,37 @@ def test_ctrl_c_ends_a_recording_beside_a_robot_that_goes_on(
     )
     assert len(commands) > 100
     assert commands <= states <= sensors
+
+
+def may_run_in_real_time() -> bool:
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+@pytest.mark.skipif(not may_run_in_real_time(), reason="the system does not permit it")
+def test_a_busy_machine_does_not_keep_it_from_recording_real_time(
+    node: Node, processes: Processes, tmp_path: Path
+) -> None:
+    """It runs before ordinary processes while robot time follows the wall clock."""
+    publisher = node.create_publisher(message_class(RobotState.TYPE), RobotState.TOPIC, WRITER)
+    processes.start("record", [executable("cassie_bags", "record"), "-o", tmp_path / "bag.mcap"])
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    pid = processes.pid("record")
+    state = RobotState()
+    for wall_paced, policy in ((False, os.SCHED_OTHER), (True, os.SCHED_FIFO)):
+        state.wall_paced[...] = wall_paced
+        publisher.publish(state.to_bytes())
+        wait_until(
+            lambda wanted=policy: os.sched_getscheduler(pid) & ~os.SCHED_RESET_ON_FORK == wanted
+        )
+    publisher.publish(state.to_bytes()[:100])  # of another version: it is recorded nevertheless
+    processes.stop("record")
+    processes.check("record")
+    assert len(list(read_messages(tmp_path / "bag.mcap", [RobotState.TOPIC]))) == 3
 
 
 def test_bytes_that_are_no_message_are_left_out_and_the_bag_is_whole(

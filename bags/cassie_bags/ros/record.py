@@ -7,6 +7,7 @@ long: a wake-up for each message would take time from the other nodes.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
 import json
 import queue
@@ -35,6 +36,8 @@ from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.scheduling import Place, Scheduling
+from cassie_msgs.sample import LayoutError
 
 DEFAULT_TOPICS = (
     *TYPES,
@@ -90,6 +93,8 @@ class Recorder(Node):
         self._metadata = _metadata(arguments.metadata)
         self._requests: queue.Queue[tuple[str, queue.Queue[tuple[bool, str]]]] = queue.Queue()
         self._session: Session | None = None
+        # It has no low priority: messages that it cannot take in time are lost.
+        self._scheduling = Scheduling(self.get_logger().info, Place.OPERATOR)
         if not arguments.start_paused:
             self._begin()
         stop.on_request(self._wake)
@@ -119,7 +124,7 @@ class Recorder(Node):
             self._stop.request(exit_code=1)
 
     def _begin(self) -> None:
-        self._session = Session(self, self._arguments, self._metadata)
+        self._session = Session(self, self._arguments, self._metadata, self._scheduling)
         self._arguments.output = _next_name(self._session.path)
         print(f"recording to {self._session.path}", file=sys.stderr, flush=True)
 
@@ -184,8 +189,11 @@ class Session:
         node: Node,
         arguments: argparse.Namespace,
         metadata: Mapping[str, Mapping[str, str]],
+        scheduling: Scheduling,
     ) -> None:
         self._node = node
+        self._scheduling = scheduling
+        self._state = RobotState()
         self.path: Path = arguments.output
         self._all: bool = arguments.all
         self._named = tuple(arguments.topics)
@@ -310,6 +318,10 @@ class Session:
     def _received(self, subscription: RecordedTopic, raw: bytes, wall: int) -> _Message:
         topic = subscription.topic
         self._monitor.note(topic, raw)
+        if topic == RobotState.TOPIC:
+            with contextlib.suppress(LayoutError):  # any node may publish here
+                self._state.load(raw)
+                self._scheduling.follow(bool(self._state.wall_paced))
         if topic == EVENTS_TOPIC:
             self._attach_files_of(raw)
         if topic in self._missing_topics:
@@ -457,5 +469,4 @@ def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
 
 def run_recorder(arguments: argparse.Namespace) -> None:
     """Run the node until Ctrl-C."""
-    # It has no low priority: messages that it cannot take in time are lost.
     run("record", lambda stop: Recorder(arguments, stop))

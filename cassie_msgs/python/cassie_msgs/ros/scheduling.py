@@ -8,8 +8,8 @@ permission, which two lines of limits.conf give.
 In lock-step, robot time waits for late nodes. There, nodes outside the chain from sample to command
 have a lower priority: one state goes to several nodes, and the chain's node must not run last.
 
-The nodes with which a person drives have a lower real-time priority than both, but run before the
-browser that draws the page.
+The nodes with which a person drives, and the recorder, have a lower real-time priority than both,
+but run before the browser that draws the page.
 
 Source:
     Linux, sched(7) and mlock(2).
@@ -31,7 +31,7 @@ BESIDE_PRIORITY = 30
 """Real-time priority of nodes outside the chain, which have several ticks for their answers."""
 
 OPERATOR_PRIORITY = 20
-"""Real-time priority of a person's joystick or page."""
+"""Real-time priority of a person's joystick or page, and of the recorder."""
 
 BESIDE_NICENESS = 10
 """Niceness of nodes outside the chain, in lock-step."""
@@ -54,7 +54,7 @@ class Place(Enum):
 class Scheduling:
     """Sets the scheduling of a process by its place on the control lane.
 
-    A child process of an operator's console, such as a recorder, runs as an ordinary process.
+    A child process of an operator's console, such as a recorder, starts as an ordinary process.
 
     Args:
         say: Called once, with one line, if the system does not permit real-time scheduling.
