@@ -7,7 +7,6 @@ long: a wake-up for each message would take time from the other nodes.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import hashlib
 import json
 import queue
@@ -37,7 +36,6 @@ from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState,
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Place, Scheduling
-from cassie_msgs.sample import LayoutError
 
 DEFAULT_TOPICS = (
     *TYPES,
@@ -319,9 +317,8 @@ class Session:
         topic = subscription.topic
         self._monitor.note(topic, raw)
         if topic == RobotState.TOPIC:
-            with contextlib.suppress(LayoutError):  # any node may publish here
-                self._state.load(raw)
-                self._scheduling.follow(bool(self._state.wall_paced))
+            self._state.load(raw)
+            self._scheduling.follow(bool(self._state.wall_paced))
         if topic == EVENTS_TOPIC:
             self._attach_files_of(raw)
         if topic in self._missing_topics:
