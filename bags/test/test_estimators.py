@@ -6,10 +6,10 @@ import pytest
 
 from cassie_bags.studies.run_trial import run_trial
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.sweep.loop_rows import loop_rows
+from cassie_bags.studies.sweep.table import chosen_rows
 from cassie_bags.studies.trial import Measures
 
-ROWS = {row.name: row for row in loop_rows() if row.group == "estimator"}
+ROWS = {row.name: row for row in chosen_rows(["estimator"])}
 
 
 def walked(name: str, estimator: str) -> Measures:

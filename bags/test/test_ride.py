@@ -18,9 +18,9 @@ from cassie_bags.signals.riding import gate_miss, measure_ride
 from cassie_bags.signals.track import rolled
 from cassie_bags.studies.run_trial import experiment_of, run_trial
 from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.motions import GO, Ride
 from cassie_bags.studies.sweep.random_commands import riding_commands
-from cassie_bags.studies.sweep.segway_rows import GO, segway_rows, shaking_rows
-from cassie_bags.studies.sweep.segway_rows import ride as segway_ride
+from cassie_bags.studies.sweep.table import chosen_rows
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.experiment.script import RiderScript
 from cassie_msgs.structured import structure
@@ -95,7 +95,7 @@ def test_without_a_segway_there_are_no_figures():
     assert all(map(math.isnan, measure_ride(glide(4.0), None, (1.0, 3.0)).values()))
 
 
-@pytest.mark.parametrize("row", segway_rows(), ids=lambda row: row.name)
+@pytest.mark.parametrize("row", chosen_rows(["segway"]), ids=lambda row: row.name)
 def test_the_runs_of_each_row_can_be_run(row):
     for trial in row.trials(Budget(seeds=2), row.levels[row.first]):
         experiment = experiment_of(trial)
@@ -112,7 +112,7 @@ def test_leans_are_as_large_as_the_message_lets_them_and_the_same_for_a_seed():
 
 def test_random_leans_do_not_throw_it_off():
     """It turned as it rolled slowly backward, and the torso swung from side to side."""
-    row = next(row for row in segway_rows() if row.name == "segway.leans")
+    (row,) = chosen_rows(["segway.leans"])
     trial = next(t for t in row.trials(Budget(seeds=6), 0.0) if t.seed == 6)
     shorter = dataclasses.replace(trial, content={**trial.content, "duration": 45.0})
     assert not run_trial(shorter)["fell"]
@@ -121,7 +121,7 @@ def test_random_leans_do_not_throw_it_off():
 def test_a_lean_that_is_held_overcomes_the_limiter():
     """The README of cassie_sim says so: the limiter tilts the platform, but not the robot."""
     lean = [{"t": GO, "com_x": 0.03}]
-    trial = segway_ride(Budget(seeds=1), 0, (GO, GO + 16.0), [], then=lean)
+    trial = Ride().trial(Budget(seeds=1), 0, (GO, GO + 16.0), lean)
     experiment, store = experiment_of(trial), Store()
     run(make_loop(experiment, store), range(tick_count(experiment)))
     assert 5.5 < store.recording(0.0).segway["linear"][-1, 0] < 6.5
@@ -130,7 +130,8 @@ def test_a_lean_that_is_held_overcomes_the_limiter():
 def test_he_finds_another_heading_without_swinging():
     """He looked 0.2 s late and leant by too much: the heading swung, and ever more so."""
     window = (GO + 6.0, GO + 9.0)
-    trial = segway_ride(Budget(seeds=1), 1, window, [{"t": GO, "heading": 0.15}])
+    rider = {"targets": [{"t": GO, "heading": 0.15}]}
+    trial = Ride().trial(Budget(seeds=1), 1, window, [], rider=rider)
     experiment, store = experiment_of(trial), Store()
     run(make_loop(experiment, store), range(tick_count(experiment)))
     rows = store.recording(0.0).segway
@@ -144,7 +145,7 @@ def test_he_finds_another_heading_without_swinging():
     [("standing", "stand", False), ("riding", "segway", True), ("shipped", "", True)],
 )
 def test_each_law_stands_on_a_segway_with_its_gains(name: str, section: str, rides: bool):
-    (row,) = (row for row in shaking_rows() if row.name == f"segway_shaking.{name}_soft")
+    (row,) = chosen_rows([f"segway_shaking.{name}_soft"])
     (trial,) = row.trials(Budget(seeds=1), 1.0)
     experiment = experiment_of(trial)
     assert ("segway" in {step.changes.get("mode") for step in experiment.operator}) == rides
@@ -157,6 +158,6 @@ def test_each_law_stands_on_a_segway_with_its_gains(name: str, section: str, rid
 
 
 def test_gains_hold_where_they_shake_the_platform_little():
-    row = next(row for row in shaking_rows() if row.name == "segway_shaking.standing_nominal")
+    (row,) = chosen_rows(["segway_shaking.standing_nominal"])
     assert row.holds({"platform_rms": 0.4}, 1.0) and not row.holds({"platform_rms": 0.94}, 1.0)
     assert not row.holds({"platform_rms": math.nan}, 1.0)

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,6 @@ SETTLING = 5.0
 
 PUSH_TIME = 0.1
 """Duration of a push. In s."""
-
-AFTER_EVENT = 6.0
-"""Time after a push in which the robot must not fall. In s."""
 
 PAPER_LAW = f"@{Path(__file__).with_name('paper_law.yaml')}"
 """Change to the paper's own law, with drive gains with which the robot walks."""
@@ -72,25 +70,7 @@ Trials = Callable[[Budget, float], list[Trial]]
 """Trials of a level."""
 
 
-def robots(trial: Callable[[Budget, int, float], Trial]) -> Trials:
-    """Trials of a level, one for each robot.
-
-    Args:
-        trial: Makes a trial from budget, seed and level.
-    """
-    return lambda budget, level: [trial(budget, seed, level) for seed in budget.each_seed()]
-
-
-def mirrored(seed: int, value: float) -> float:
-    """A value to the left for robots with odd seeds, to the right for other robots."""
-    return value if seed % 2 else -value
-
-
-def tenths(first: int, last: int) -> list[float]:
-    """Levels in steps of 0.1 without rounding errors: 1.2 and not 1.2000000000000002."""
-    return [n / 10 for n in range(first, last + 1)]
-
-
+@cache
 def step_time(speed: float) -> float:
     """Nominal duration of a step. In s."""
     from cassie_gaits.gait_library_file import default_library_path, load_library  # loads Numba
@@ -107,10 +87,10 @@ def walk(
     budget: Budget,
     seed: int,
     window: tuple[float, float],
-    *,
     vx: float | None = None,
     vy: float | None = None,
     yaw_rate: float | None = None,
+    *,
     then: Sequence[Mapping[str, Any]] = (),
     ahead: float | None = None,
     history: float | None = None,
@@ -144,12 +124,6 @@ def walk(
         **sections,
     }
     return Trial(content, seed, window, ahead, budget.changes, history=history)
-
-
-straight: Trials = robots(
-    lambda budget, seed, speed: walk(budget, seed, steady(budget, speed), vx=speed)
-)
-"""Trials of walking straight ahead, with the level as commanded speed (m/s)."""
 
 
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:

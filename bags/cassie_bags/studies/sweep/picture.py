@@ -19,7 +19,6 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
 from cassie_bags.studies.sweep.row import RowResult
 from cassie_bags.studies.sweep.table import StoredRow
-from cassie_bags.studies.sweep.walking_rows import DIRECTIONS
 
 _COLOURS = (BLUE, ORANGE, GREY)  # colours of the variants
 _SHADE = "#ececec"
@@ -27,6 +26,12 @@ _SMALL = 7.5  # size of small text
 _WIDTH = 12.5  # width of the figure, in inches
 _POLAR_HEIGHT, _LOWER_HEIGHT, _EDGE_HEIGHT = 3.1, 4.4, 0.32
 _BAR_HEIGHT, _AXES_HEIGHT = 0.165, 0.65  # inches: of a bar with text; of axes around bars
+
+_DIRECTIONS = {
+    **{"fore": 0.0, "left": 90.0, "aft": 180.0, "right": -90.0},
+    **{"fore_left": 45.0, "fore_right": -45.0, "aft_left": 135.0, "aft_right": -135.0},
+}
+"""Directions of pushes and slopes, from ahead to the left. In deg."""
 
 _CM = 100.0  # per m
 _FINEST = 1.0  # cm/s, difference of speeds up to which the scale is linear, then logarithmic
@@ -243,7 +248,7 @@ def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
 
 def _angle(row: StoredRow) -> float:
     word = row.name.partition(".")[2]
-    return DIRECTIONS[word] % 360.0 if word in DIRECTIONS else float(word)
+    return _DIRECTIONS[word] % 360.0 if word in _DIRECTIONS else float(word)
 
 
 def _draw_directions(

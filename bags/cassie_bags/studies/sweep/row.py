@@ -67,31 +67,6 @@ class Row:
         return self.levels.index(self.target) if self.target in self.levels else 0
 
 
-def at_most(
-    name: str,
-    title: str,
-    unit: str,
-    target: float,
-    trials: Trials,
-    figure: Figure,
-    level: float = 0.0,
-    **more: Any,
-) -> Row:
-    """A row of one level, whose figure must be at most the target; arguments as in `Row`."""
-    return Row(name, title, unit, target, (level,), trials, figure=figure, at_least=False, **more)
-
-
-def counted(
-    name: str,
-    title: str,
-    trials: Trials,
-    holds: Callable[[Measures, float], bool] = lambda measures, level: True,
-    level: float = 0.0,
-) -> Row:
-    """A row of one level, whose figure is the share of the trials that hold: all of them must."""
-    return Row(name, title, "%", 100.0, (level,), trials, holds, counts=True)
-
-
 @dataclass(frozen=True)
 class Level:
     """Result of one level.

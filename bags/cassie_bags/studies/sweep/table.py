@@ -12,15 +12,9 @@ from typing import Any
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.plain import aligned, finite
 from cassie_bags.run.provenance import Origin, versions
-from cassie_bags.studies.sweep.beyond_ground_rows import beyond_ground_rows
-from cassie_bags.studies.sweep.beyond_rows import beyond_rows
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.sweep.ground_rows import ground_rows
-from cassie_bags.studies.sweep.loop_rows import loop_rows
 from cassie_bags.studies.sweep.row import Level, Row, RowResult
-from cassie_bags.studies.sweep.segway_rows import segway_rows, shaking_rows
-from cassie_bags.studies.sweep.standing_rows import standing_rows
-from cassie_bags.studies.sweep.walking_rows import walking_rows
+from cassie_bags.studies.sweep.row_file import shipped_rows
 from cassie_msgs.tunables import unknown_name
 
 Results = Mapping[str, Mapping[str, RowResult]]
@@ -38,12 +32,12 @@ def all_rows() -> list[Row]:
 
 def promised_rows() -> list[Row]:
     """Rows whose targets the robot is to reach."""
-    return [*walking_rows(), *ground_rows(), *loop_rows(), *segway_rows(), *standing_rows()]
+    return shipped_rows("walking", "ground", "loop", "segway", "standing")
 
 
 def rows_beyond() -> list[Row]:
     """Rows that look for limits, with targets that are not promised."""
-    return [*beyond_rows(), *beyond_ground_rows(), *shaking_rows()]
+    return shipped_rows("beyond", "segway_shaking")
 
 
 def chosen_rows(names: Sequence[str]) -> list[Row]:
