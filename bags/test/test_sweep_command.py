@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -86,6 +87,38 @@ def test_workers_that_have_finished_end_without_a_word(tmp_path: Path):
     assert (done.stdout, done.stderr) == ("[1, 2]\n", "")
 
 
+OWN = """
+rows:
+  - name: own.still
+    title: stands for a second
+    counts: true
+    stand: {}
+    window: {end: 1.0, seconds: 0.5}
+"""
+
+
+def test_rows_of_a_file_are_listed_and_measured_as_others_are(tmp_path: Path):
+    path = tmp_path / "own.yaml"
+    path.write_text(OWN)
+    assert (
+        "own.still                stands for a second"
+        in sweep("--rows", str(path), "--list").stdout
+    )
+    words = ["--rows", str(path), "--seeds", "1", "--jobs", "1", "--no-compare"]
+    for named in ([], ["own"]):
+        process = sweep(*named, *words, "--out", str(tmp_path / "out"))
+        assert process.returncode == 0, process.stderr
+        assert re.search(r"^stands for a second  +>= 100 %  +100 yes", process.stdout, re.MULTILINE)
+    (kept,) = json.loads((tmp_path / "out" / "sweeps.json").read_text())["rows"]
+    assert f"sweep own --rows {path} --seeds 1" in kept["results"]["measured"]["origin"]["command"]
+    path.write_text(OWN.replace("end: 1.0", "ned: 1.0"))
+    refused = sweep("--rows", str(path), "--out", str(tmp_path / "none"))
+    assert refused.returncode == 2
+    expected = f"sweep: error: {path}: row own.still: window: unknown key ned: did you mean end?\n"
+    assert (refused.stdout, refused.stderr) == ("", expected)
+    assert not (tmp_path / "none").exists()
+
+
 # While the workers start, and after it.
 @pytest.mark.parametrize(("jobs", "later"), [(2, 0.0), (2, 0.1), (2, 1.0), (1, 1.0)])
 def test_ctrl_c_ends_a_sweep_and_leaves_no_process(tmp_path: Path, jobs: int, later: float):
@@ -146,6 +179,7 @@ def test_a_folder_that_cannot_be_is_told_before_anything_is_measured(tmp_path: P
         (["speed.+0", "--set", "durtion=3"], "unknown key durtion: did you mean duration"),
         (["speed.+0", "--set", "seed=3", "--results", "R.md"], "takes the robot as it is"),
         (["speed.+0", "--compare", "seed=3", "--results", "R.md"], "takes the robot as it is"),
+        (["--rows", "no/such/own.yaml"], "cannot read no/such/own.yaml: No such file"),
         (["speed.+0", "--results", "no/such/R.md"], "no/such/R.md: there is no such folder"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from pathlib import Path
 
 from cassie_bags.cli.arguments import (
     add_jobs,
@@ -40,6 +41,14 @@ def _add_extent(parser: argparse.ArgumentParser) -> None:
     """Add the options about the number and length of runs."""
     parser.add_argument(
         "rows", nargs="*", metavar="ROW", help="rows or groups of rows (default: all promised rows)"
+    )
+    parser.add_argument(
+        "--rows",
+        type=Path,
+        dest="own",
+        metavar="FILE.yaml",
+        help="rows of your own, all of them if no ROW is named; the README of cassie_bags says how "
+        "to write them",
     )
     parser.add_argument(
         "--list",

@@ -15,9 +15,14 @@ from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.simulate import RecentStore, Store
 from cassie_bags.run.yaml_file import apply_changes
 from cassie_bags.signals.falls import FALLEN_HEIGHT, FALLEN_TILT
-from cassie_bags.signals.riding import measure_ride
+from cassie_bags.signals.riding import RIDE_MEASURES, measure_ride
 from cassie_bags.signals.track import Track, make_track
-from cassie_bags.signals.window import measure_effort, measure_window
+from cassie_bags.signals.window import (
+    EFFORT_MEASURES,
+    WINDOW_MEASURES,
+    measure_effort,
+    measure_window,
+)
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import ControllerStatus, RobotMode, RobotState
@@ -26,6 +31,14 @@ from cassie_sim.poses import lowest_sole
 
 CHECK_TICKS = 25
 """Ticks between checks for a fall, which cost time."""
+
+MEASURES = (
+    *("fell", "end", "ahead", "end_speed", "standing", "false_alarms"),
+    *WINDOW_MEASURES,
+    *EFFORT_MEASURES,
+    *RIDE_MEASURES,
+)
+"""Names of the measures of a trial; see `run_trial`."""
 
 _AT_REST = 1.0  # s, time over which the speed at the end is averaged
 _FALLING = 1.0  # s before the end of a fall in which alarms do not count as false

@@ -20,6 +20,7 @@ from cassie_bags.studies.results import check_file
 from cassie_bags.studies.sweep.course import PAPER_LAW, Budget, walk
 from cassie_bags.studies.sweep.results_file import MEASURED, PAPERS, merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
+from cassie_bags.studies.sweep.row_file import checked_rows
 from cassie_bags.studies.sweep.table import (
     StoredRow,
     all_rows,
@@ -43,26 +44,30 @@ QUICK = {"seeds": 3, "phases": 5, "seconds": 15.0}
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure rows; returns the exit code."""
+    own = [] if arguments.own is None else checked_rows(arguments.own, all_rows())
+    every = [*all_rows(), *own]
     if arguments.list:
-        for row in all_rows():
+        for row in every:
             print(f"{row.name:24} {row.title}")
         return 0
     for name, value in (QUICK if arguments.quick else FULL).items():
         if getattr(arguments, name) is None:
             setattr(arguments, name, value)
     arguments.compare = arguments.compare or PAPER_LAW
-    rows = chosen_rows(arguments.rows)
+    rows = chosen_rows(arguments.rows, own)
     if arguments.results is not None:
         _check_mergeable(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    results = _measure(rows, arguments, origin(command(arguments), seeds(arguments), arguments.now))
+    made = origin(command(arguments), seeds(arguments), arguments.now)
+    results = _measure(rows, every, arguments, made)
     shipped = results[_variant(arguments, MEASURED)]
     return 0 if all(shipped[row.name].met for row in rows) else 1
 
 
 def command(arguments: argparse.Namespace) -> str:
     """The command that repeats the measurement, without options that do not change results."""
-    words = [*arguments.rows, "--seeds", arguments.seeds]
+    words = [*arguments.rows, *([] if arguments.own is None else ["--rows", arguments.own])]
+    words += ["--seeds", arguments.seeds]
     words += [] if arguments.first == 1 else ["--first", arguments.first]
     words += ["--phases", arguments.phases]
     words += ["--seconds", f"{arguments.seconds:g}"]
@@ -105,9 +110,16 @@ def _variant(arguments: argparse.Namespace, name: str) -> str:
 
 
 def _measure(
-    rows: list[Row], arguments: argparse.Namespace, made: Origin
+    rows: list[Row], every: list[Row], arguments: argparse.Namespace, made: Origin
 ) -> dict[str, dict[str, RowResult]]:
-    """Measure rows, each with every variant; all results so far are stored after each row."""
+    """Measure rows, each with every variant; all results so far are stored after each row.
+
+    Args:
+        rows: Rows to measure.
+        every: All known rows, in the order of the table.
+        arguments: Arguments of the command.
+        made: Origin of the results.
+    """
     from cassie_bags.studies.run_trial import experiment_of  # loading robot and law takes seconds
 
     own = spelled_out(arguments.set)
@@ -126,7 +138,7 @@ def _measure(
         own,
         arguments.first,
     )
-    file, every = arguments.out / "sweeps.json", all_rows()
+    file, order = arguments.out / "sweeps.json", [row.title for row in every]
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
     if arguments.resume:
         for name, found in load(file, every, budget).items():
@@ -148,18 +160,18 @@ def _measure(
         if done := _done(every, results[shipped]):
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             stored = read_rows(file)
-            _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored)
+            _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored, order)
             from cassie_bags.studies.sweep.picture import draw  # loading matplotlib takes a second
 
             draw(arguments.out / "sweeps.png", stored)
     if arguments.results is not None:
-        _merge(arguments.results, _text(arguments.results), read_rows(file))
+        _merge(arguments.results, _text(arguments.results), read_rows(file), order)
     return results
 
 
-def _merge(path: Path, text: str, stored: list[StoredRow]) -> None:
-    """Write a file of results: a text with the rows merged into it."""
-    path.write_text(merge(text, stored, [row.title for row in all_rows()]), "utf-8")
+def _merge(path: Path, text: str, stored: list[StoredRow], order: list[str]) -> None:
+    """Write a file of results: a text with the rows merged into it, in the order of titles."""
+    path.write_text(merge(text, stored, order), "utf-8")
 
 
 def _check_mergeable(arguments: argparse.Namespace) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from itertools import islice
@@ -19,18 +19,13 @@ from typing import Any
 
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.yaml_file import read_mapping
-from cassie_bags.studies.sweep.course import (
-    PUSH_TIME,
-    Budget,
-    push,
-    reached_at,
-    step_time,
-)
+from cassie_bags.studies.sweep.course import PUSH_TIME, Budget, push, reached_at, step_time
 from cassie_bags.studies.sweep.figures import FIGURES, figure_of
 from cassie_bags.studies.sweep.formula import filled, resolved
 from cassie_bags.studies.sweep.motions import MOTIONS, Motion
-from cassie_bags.studies.sweep.row import Row
+from cassie_bags.studies.sweep.row import Row, value
 from cassie_bags.studies.trial import Measures, Trial
+from cassie_gaits.errors import CassieError
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.experiment.expectation import Bound
 from cassie_msgs.experiment.file import Experiment
@@ -320,6 +315,44 @@ def read_rows(path: Path) -> list[Row]:
         return rows
     except ParameterError as error:
         raise ExperimentError(f"{path}: {error}") from None
+
+
+def checked_rows(path: Path, others: Sequence[Row]) -> list[Row]:
+    """The rows of a user's file; all experiments and figures are checked before any of them runs.
+
+    Args:
+        path: YAML file.
+        others: Rows with whose names and titles theirs must not collide.
+
+    Raises:
+        ExperimentError: as `read_rows`, and for what experiments do not permit.
+    """
+    known = {word for row in others for word in (row.name, row.title)}
+    rows = read_rows(path)
+    for row in rows:
+        try:
+            for word in (row.name, row.title):
+                if word in known:
+                    raise ParameterError(f"there is a row {word} already")
+                known.add(word)
+            _check(row)
+        except (ArithmeticError, CassieError, ParameterError) as error:
+            raise ExperimentError(f"{path}: row {row.name}: {error}") from None
+    return rows
+
+
+def _check(row: Row) -> None:
+    """Make experiments of all levels, and the figures of a run whose measures are all 1."""
+    from cassie_bags.studies.run_trial import MEASURES, experiment_of  # loading takes seconds
+
+    measures = {name: 1.0 for word in MEASURES for name in (word, f"reference_{word}")}
+    for level in row.levels:
+        for trial in row.trials(Budget(seeds=2, phases=2), level):
+            experiment_of(trial)
+        row.holds(measures, level)
+        for figure in (row.figure, row.achieved):
+            if figure is not None:
+                value(figure, measures, level)
 
 
 def _rows(

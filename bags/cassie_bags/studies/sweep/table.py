@@ -40,17 +40,21 @@ def rows_beyond() -> list[Row]:
     return shipped_rows("beyond", "segway_shaking")
 
 
-def chosen_rows(names: Sequence[str]) -> list[Row]:
-    """Rows by name or group; all promised rows if none is named.
+def chosen_rows(names: Sequence[str], own: Sequence[Row] = ()) -> list[Row]:
+    """Rows by name or group; if none is named all of `own`, or else all promised rows.
 
-    If a group has promised rows, its name means only these.
+    If a group has promised rows, its name means only these and those of `own`.
+
+    Args:
+        names: Names of rows and groups.
+        own: Rows of the user.
 
     Raises:
         ExperimentError: if there is no such row; the message names the nearest one.
     """
-    promised, beyond = promised_rows(), rows_beyond()
+    promised, beyond = [*promised_rows(), *own], rows_beyond()
     if not names:
-        return promised
+        return list(own) or promised
     rows, groups = [*promised, *beyond], {row.group for row in promised}
     known = {row.name for row in rows} | {row.group for row in rows} | {BEYOND}
     for name in names:
