@@ -13,6 +13,7 @@ from cassie_bags.run.simulate import ControlLoop
 from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.trial import walking_operator
 
+CORES = ("estimator", "controller")
 PHASES = 20
 TWO_STEPS, OBSERVED = 0.8, 4.0  # s
 
@@ -31,13 +32,8 @@ def ends_upright(cores: Cores, loop: ControlLoop, restart: tuple[str, int]) -> b
     return True
 
 
-BOTH = ("estimator", "controller")
-
-
-@pytest.mark.parametrize(
-    ("seed", "speed", "restarted"), [(1, 0.8, BOTH), (2, 0.8, BOTH), (8, 1.2, BOTH[1:])]
-)
-def test_it_walks_on_at_any_phase(seed: int, speed: float, restarted: tuple[str, ...]) -> None:
+@pytest.mark.parametrize(("seed", "speed"), [(1, 0.8), (2, 0.8), (8, 1.2)])
+def test_it_walks_on_at_any_phase(seed: int, speed: float) -> None:
     content = {"name": "restart", "seed": seed, "duration": 20.0, "start": "standing"}
     experiment = resolve(read_experiment({**content, "operator": walking_operator(speed)}))
     cores = make_cores(experiment)
@@ -45,6 +41,6 @@ def test_it_walks_on_at_any_phase(seed: int, speed: float, restarted: tuple[str,
     for _ in range(round(8e9 / cores.plant.tick_ns)):
         loop.tick()
     phases = range(seed % 2, PHASES, 2)
-    restarts = [(core, phase) for core in restarted for phase in phases]
+    restarts = [(core, phase) for core in CORES for phase in phases]
     upright = in_copies(functools.partial(ends_upright, cores, loop), restarts, 2)
     assert [restart for restart, good in zip(restarts, upright, strict=True) if not good] == []

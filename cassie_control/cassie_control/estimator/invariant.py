@@ -640,7 +640,8 @@ def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> f
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
 _HANGING_TIME = 0.5  # s, correlation time of this speed
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
-_REST_SPEED = 0.3  # m/s, by the loaded feet: three standard deviations of `_FIRST_DEVIATION`
+_REST_RATE = 0.3  # rad/s, of the fastest joint of a robot at rest
+_WALKING_DEVIATION = 1.0  # m/s, of the velocity by the legs at one sample, as after a touchdown
 _FIRST_DEVIATION = (
     (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; heading and position begin by definition
     (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
@@ -731,33 +732,46 @@ class InvariantEstimator(LegEstimator):
             raise SensorError("the filter has diverged: the estimate begins anew")
 
     def _start(self, sensors: Sensors) -> None:
-        """Begin with the IMU's orientation, the lower sole on the ground, and `_first_velocity`."""
+        """Begin with the IMU's orientation and the lower sole on the ground, at rest.
+
+        Where the robot walks, it begins with the velocity by the legs, which the next samples of
+        the feet soon correct.
+        """
         self._started = True
         start, body = self._filter, self._body
         R, vectors = body.attitude, start.vectors
         start.rotation = R
         vectors[_POSITION] = R @ body.imu_position
         vectors[_POSITION, 2] += self._first_height()
-        vectors[_VELOCITY] = R @ self._first_velocity(sensors.angular_velocity)
         start.origin[:] = self._state.q[:2]
         for i in range(2):
             vectors[_CONTACTS + i] = vectors[_POSITION] + R @ body.imu_to_soles[i]
             start.sole_rotations[i] = R @ self._legs.states[i].foot_rotation
-        start.covariance = np.diag(np.square(np.ravel(_FIRST_DEVIATION)))
+        deviation = np.array(_FIRST_DEVIATION)
+        if self._walks():
+            deviation[_V // 3] = _WALKING_DEVIATION
+            vectors[_VELOCITY] = R @ self._velocity_by_legs(sensors.angular_velocity)
+        start.covariance = np.diag(np.square(np.ravel(deviation)))
 
-    def _first_velocity(self, omega: FloatArray) -> FloatArray:
-        """Velocity of the IMU in the pelvis frame: at rest, unless the loaded feet contradict it.
+    def _walks(self) -> bool:
+        """Whether the robot moves on loaded feet: this node has begun anew while it walks."""
+        state = self._state
+        return bool(state.foot_load.any() and np.abs(state.v[6:]).max() > _REST_RATE)
 
-        The node may have started anew while the robot walks.
+    def _velocity_by_legs(self, omega: FloatArray) -> FloatArray:
+        """Velocity of the IMU at which the loaded feet stand still.
 
         Args:
             omega: Angular velocity. Shape (3,), in rad/s.
+
+        Returns:
+            In the pelvis frame. Shape (3,), in m/s.
         """
         velocity, load = np.zeros(3), self._state.foot_load
         for i in range(2):
             foot = self._legs.states[i].foot_velocity + np.cross(omega, self._body.imu_to_soles[i])
-            velocity -= load[i] / max(load.sum(), 1e-6) * foot
-        return velocity if np.linalg.norm(velocity) > _REST_SPEED else np.zeros(3)
+            velocity -= load[i] / load.sum() * foot
+        return velocity
 
     def _set_noise(self) -> None:
         """Variances and power densities from the configured standard deviations."""
