@@ -126,20 +126,12 @@ def test_ctrl_c_ends_a_recording_beside_a_robot_that_goes_on(
     assert commands <= states <= sensors
 
 
-def may_run_in_real_time() -> bool:
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
-    except PermissionError:
-        return False
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    return True
-
-
-@pytest.mark.skipif(not may_run_in_real_time(), reason="the system does not permit it")
 def test_a_busy_machine_does_not_keep_it_from_recording_real_time(
-    node: Node, processes: Processes, tmp_path: Path
+    node: Node, processes: Processes, tmp_path: Path, real_time: bool
 ) -> None:
     """It runs before ordinary processes while robot time follows the wall clock."""
+    if not real_time:
+        pytest.skip("needs the permission for real-time scheduling")
     publisher = node.create_publisher(message_class(RobotState.TYPE), RobotState.TOPIC, WRITER)
     processes.start("record", [executable("cassie_bags", "record"), "-o", tmp_path / "bag.mcap"])
     wait_until(lambda: publisher.get_subscription_count() == 1)

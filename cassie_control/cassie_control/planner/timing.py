@@ -18,7 +18,7 @@ _FIXED_RATE_PHASE = 0.9  # phase from which the step's time is not changed
 _FOOT_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
 _MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical speed of the swing foot at which a step may end
 _WALKING_SPEED = 0.2  # m/s, from which the place of the centre of mass tells the phase
-_LAST_JOINED_PHASE = 0.9
+_LAST_JOINED_PHASE = 0.9  # the phase that is joined at the latest: a step needs time to end
 _FULL_BACKWARD = 3.0  # s/m: laws for walking backward act in full from 1/3 m/s on
 
 
