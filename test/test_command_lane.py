@@ -12,9 +12,11 @@ import pytest
 import rclpy
 from bringup import STAND, TIMEOUT, WALK, Robot
 from rclpy.context import Context
+from rclpy.node import Node
 
 from cassie_bags.ros.processes import executable
 from cassie_msgs.layout import (
+    DECIMATED_STATE,
     ControllerStatus,
     Mode,
     MotorCommand,
@@ -38,6 +40,16 @@ KINDS: tuple[type[Sample], ...] = (
 )
 
 
+def writers(
+    node: Node, kinds: tuple[type[Sample], ...]
+) -> list[tuple[Sample, LanePublisher[Sample]]]:
+    """A sample and a publisher for each topic of some types of messages."""
+    topics = [(kind, kind.TOPIC) for kind in kinds]
+    if RobotState in kinds:
+        topics.append((RobotState, DECIMATED_STATE))
+    return [(kind(), LanePublisher(node, kind, topic)) for kind, topic in topics]
+
+
 class Stranger:
     """A node of somebody else, which writes what a function makes of each message, in a thread.
 
@@ -58,7 +70,7 @@ class Stranger:
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         node = rclpy.create_node("stranger", context=self._context)
-        self._lane = [(kind(), LanePublisher(node, kind)) for kind in kinds]
+        self._lane = writers(node, kinds)
         self._fill, self._period = fill, 1.0 / rate
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -158,7 +170,7 @@ def test_strangers_on_every_topic_are_ignored_and_named(
                 ("state_estimator", "/cassie/sensors"),
                 ("gait_controller", "/cassie/state"),
                 ("gait_controller", "/cassie/mode"),
-                ("mode_supervisor", "/cassie/state"),
+                ("mode_supervisor", DECIMATED_STATE),
                 ("mode_supervisor", "/cassie/controller_status"),
             ):
                 eyes.wait_for(

@@ -21,10 +21,9 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import Joy
-from test_command_lane import KINDS, bring_up
+from test_command_lane import KINDS, bring_up, writers
 
 from cassie_msgs.layout import OperatorCommand, Sample
-from cassie_msgs.ros.fast_lane import LanePublisher
 
 SECONDS = float(os.environ.get("CASSIE_RANDOM_INPUT", "20"))
 QUIET = 3.0
@@ -45,9 +44,7 @@ class Noise:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._rng = rng
-        self._lane: list[tuple[Sample, Any]] = [
-            (kind(), LanePublisher(self.node, kind)) for kind in KINDS
-        ]
+        self._lane = writers(self.node, KINDS)
         self._joy = self.node.create_publisher(Joy, "/joy", 10)
         self._services = {
             name: self.node.create_client(kind, f"/cassie/{name}")

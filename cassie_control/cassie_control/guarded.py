@@ -114,13 +114,14 @@ class GuardedEstimator:
     def _bridge(self, sensors: Sensors) -> None:
         """Step the estimator with interpolated samples for the missed ones."""
         last, between = self._last, self._between
-        steps = int(sensors.seq) - int(last.seq)
-        if sensors.episode == last.episode and 1 < steps <= self._most_missed + 1:
+        (last_episode, last_seq), (episode, seq) = last.place, sensors.place
+        steps = seq - last_seq
+        if episode == last_episode and 1 < steps <= self._most_missed + 1:
             for step in range(1, steps):
                 between.copy_from(sensors)
                 between.floats[:] = last.floats + step / steps * (sensors.floats - last.floats)
                 between.orientation[:] /= np.linalg.norm(between.orientation)
-                between.seq[...] = int(last.seq) + step
+                between.seq[...] = last_seq + step
                 between.stamp_ns = (
                     last.stamp_ns + (sensors.stamp_ns - last.stamp_ns) * step // steps
                 )

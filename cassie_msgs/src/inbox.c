@@ -3,7 +3,6 @@
 // A message that a receiver expects, which is nearly every one, is checked and copied to its sample
 // here, in one call. Python looks at all others.
 
-#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -62,8 +61,6 @@ typedef struct
   uint8_t writer[RMW_GID_STORAGE_SIZE];
   rcl_serialized_message_t message;
   int descriptor;           // becomes readable when a message comes
-  atomic_size_t arrived;    // messages that have come
-  atomic_size_t due;        // number of them from which on the descriptor becomes readable
 } inbox_t;
 
 inbox_t * inbox_open(size_t capacity, int descriptor)
@@ -90,22 +87,14 @@ void inbox_close(inbox_t * inbox)
 
 static void ring(const void * inbox_, size_t count)
 {
-  inbox_t * inbox = (inbox_t *)inbox_;
-  if (atomic_fetch_add(&inbox->arrived, count) + count >= atomic_load(&inbox->due)) {
-    eventfd_write(inbox->descriptor, count);
-  }
+  const inbox_t * inbox = inbox_;
+  eventfd_write(inbox->descriptor, count);
 }
 
 // Makes the descriptor readable when messages come.
 bool inbox_ring(inbox_t * inbox, const rcl_subscription_t * subscription)
 {
   return rcl_subscription_set_on_new_message_callback(subscription, ring, inbox) == RCL_RET_OK;
-}
-
-// Leaves the descriptor as it is until some further messages have come.
-void inbox_rest(inbox_t * inbox, size_t messages)
-{
-  atomic_store(&inbox->due, atomic_load(&inbox->arrived) + messages);
 }
 
 // Has another function called when messages come; NULL for none.
@@ -159,34 +148,27 @@ int inbox_take(inbox_t * inbox, const rcl_subscription_t * subscription)
 
 // Takes the oldest message and copies it to a sample, if it has its size and is expected.
 //
-// `accepted` may be NULL: every message is expected. Of messages in order, those of other ticks than
-// each `every`-th are skipped, unless they are repeated.
+// `accepted` may be NULL: every message is expected.
 int inbox_load(
   inbox_t * inbox, const rcl_subscription_t * subscription, accepted_t * accepted,
-  uint8_t * sample, size_t size, uint64_t every)
+  uint8_t * sample, size_t size)
 {
-  while (true) {
-    int code = inbox_take(inbox, subscription);
-    if (code != LOOK) {
-      return code;
-    }
-    const uint8_t * raw = inbox->bytes;
-    bool fits = inbox->length == size && size >= SEQ + sizeof(uint64_t) &&
-      memcmp(raw, PLAIN_LITTLE_ENDIAN, sizeof(PLAIN_LITTLE_ENDIAN)) == 0;
-    if (!fits || (accepted != NULL && !is_expected(inbox, raw, accepted))) {
-      return LOOK;
-    }
-    if (accepted != NULL) {
-      accepted->heard = now();
-      if (accepted->lead > 0) {
-        bool repeated = seq_of(raw) == accepted->last.seq;
-        accepted->last.seq = seq_of(raw);
-        if (seq_of(raw) % every != 0 && !repeated) {
-          continue;
-        }
-      }
-    }
-    memcpy(sample, raw, size);
-    return LOADED;
+  int code = inbox_take(inbox, subscription);
+  if (code != LOOK) {
+    return code;
   }
+  const uint8_t * raw = inbox->bytes;
+  bool fits = inbox->length == size && size >= SEQ + sizeof(uint64_t) &&
+    memcmp(raw, PLAIN_LITTLE_ENDIAN, sizeof(PLAIN_LITTLE_ENDIAN)) == 0;
+  if (!fits || (accepted != NULL && !is_expected(inbox, raw, accepted))) {
+    return LOOK;
+  }
+  if (accepted != NULL) {
+    accepted->heard = now();
+    if (accepted->lead > 0) {
+      accepted->last.seq = seq_of(raw);
+    }
+  }
+  memcpy(sample, raw, size);
+  return LOADED;
 }

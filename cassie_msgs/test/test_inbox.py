@@ -69,39 +69,6 @@ def test_what_came_before_the_wait_is_told_and_told_once(node):
     assert not waiter.wait(0.0)
 
 
-def test_the_last_of_the_messages_ends_a_wait_and_none_before(node):
-    subscription = LaneSubscription(node, Mode, qos=EVERY)
-    publisher, waiter = LanePublisher(node, Mode), LaneWaiter(node, [subscription])
-    while not publisher.matched:
-        time.sleep(0.01)
-    for expected in (4, 1, 2):
-        subscription.rest(expected)
-        for _ in range(expected - 1):
-            publisher.publish(Mode())
-        assert not waiter.wait(0.1)
-        publisher.publish(Mode())
-        assert waiter.wait(5.0)
-        taken = 0
-        while subscription.take_raw() is not None:
-            taken += 1
-        assert taken == expected
-
-
-def test_without_a_rest_every_message_ends_a_wait(node):
-    subscription = LaneSubscription(node, Mode, qos=EVERY)
-    publisher, waiter = LanePublisher(node, Mode), LaneWaiter(node, [subscription])
-    while not publisher.matched:
-        time.sleep(0.01)
-    subscription.rest(3)
-    for _ in range(3):
-        publisher.publish(Mode())
-    for _ in range(3):
-        assert waiter.wait(5.0)
-        while subscription.take_raw() is not None:
-            pass
-        publisher.publish(Mode())
-
-
 def test_a_destroyed_subscription_is_refused(node):
     subscription = LaneSubscription(node, Mode)
     node.destroy_node()

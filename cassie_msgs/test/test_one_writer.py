@@ -207,23 +207,6 @@ def test_a_message_without_a_header_is_dropped(node, others, size):
     assert lane.heard() == [1]
 
 
-def test_ticks_between_are_skipped_but_repeated_ones_and_new_episodes_are_not(node, others):
-    guard = OneWriter(Mode)
-    subscription = LaneSubscription(node, Mode, qos=EVERY, guard=guard, every=10)
-    publisher, mode, heard = LanePublisher(others[0], Mode), Mode(), []
-    until(lambda: publisher.matched)
-    keys = [*((1, seq) for seq in range(25)), (1, 24), (1, 24), *((2, seq) for seq in range(11))]
-    for mode.episode[...], mode.seq[...] in keys:
-        publisher.publish(mode)
-    time.sleep(0.2)
-    while subscription.take_next(mode):
-        heard.append((int(mode.episode), int(mode.seq)))
-    assert heard == [(1, 0), (1, 10), (1, 20), (1, 24), (1, 24), (2, 0), (2, 10)]
-    publisher.publish(mode)
-    time.sleep(0.2)
-    assert [mode_bytes[12] for mode_bytes in subscription.take_last(5)] == [2]
-
-
 def test_a_refused_message_is_told_until_the_writer_goes_on(node, others):
     lane = Lane(node, others)
     for seq, told in ((1, ""), (2, ""), (1 << 62, "refused"), (3, ""), (4, "")):

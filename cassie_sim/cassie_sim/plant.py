@@ -103,7 +103,7 @@ STANDING_DRIVES = (0.0, 0.0, 0.5, -1.15, -1.6)
 HANGING_HEIGHT = 1.15
 """Pelvis height while hanging from the gantry at the start. In m."""
 
-_ALONE = 1000  # ticks after which a thread that had no free processor is tried again
+_ALONE = 200  # ticks after which a thread that had no free processor is tried again
 
 COMMAND_WATCHDOG = 0.02
 """Robot time without a command after which the drives damp. In s."""

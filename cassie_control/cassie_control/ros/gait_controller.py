@@ -150,8 +150,9 @@ class GaitControllerNode(Node):
         """Answer the newest state. If its mode has not come yet, do so only if `may_wait`."""
         while not self._stop.requested and self._take():
             state = self._state
-            known = int(state.episode) == self._answered[0]
-            if not may_wait and not (known and self._is_ready(int(state.seq))):
+            episode, seq = state.place
+            known = episode == self._answered[0]
+            if not may_wait and not (known and self._is_ready(seq)):
                 self._unanswered = True
                 return True
             self._answer()
@@ -182,7 +183,7 @@ class GaitControllerNode(Node):
 
     def _answer(self) -> None:
         state = self._state
-        episode, seq = key = int(state.episode), int(state.seq)
+        episode, seq = key = state.place
         if key == self._answered:
             self._commands.publish_raw(self._reply)
             self._status.publish_raw(self._status_reply)

@@ -15,15 +15,11 @@ from cassie_control.ros.supervisor_status import StatusTopic
 from cassie_control.ros.watch import Watch
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
-from cassie_msgs.layout import Mode, RobotState, header
+from cassie_msgs.layout import DECIMATED_STATE, Mode, RobotState, header
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
-from cassie_msgs.ros.fast_lane import (
-    EVERY,
-    LanePublisher,
-    LaneSubscription,
-    LaneWaiter,
-)
+from cassie_msgs.ros.decimated_states import DecimatedStates
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneWaiter
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare
 from cassie_msgs.ros.process import Stop, run
@@ -59,9 +55,7 @@ class ModeSupervisorNode(Node):
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
         estimator = OneWriter(RobotState)
-        self._states = LaneSubscription(
-            self, RobotState, qos=EVERY, guard=estimator, every=PERIOD_TICKS
-        )
+        self._states = DecimatedStates(self, estimator)
         self._modes = LanePublisher(self, Mode)
         self._status = StatusTopic(self, self._lane.control_rate)
         self._in_force = CommandInForce(self)
@@ -90,6 +84,7 @@ class ModeSupervisorNode(Node):
             now = time.monotonic()
             if now >= next_look:
                 next_look = now + LOOK_PERIOD
+                self._states.follow_estimator()
                 if self._watch.look(now) or self._status.is_due(now):
                     self._publish_status()
 
@@ -101,7 +96,6 @@ class ModeSupervisorNode(Node):
         while not self._stop.requested:
             raw = self._operator.take_state()
             if raw is None:
-                self._states.rest(PERIOD_TICKS - self._last[1] % PERIOD_TICKS)
                 return
             _, _, episode, seq = header(raw)
             self._watch.heard_state(time.monotonic())
@@ -160,7 +154,7 @@ ABOUT = About(
     package="cassie_control",
     text="Decides the robot's mode from its state and the operator's commands, limits the "
     "set-points, and watches the other nodes.",
-    reads=("/cassie/state", "/cassie/operator_command", "/cassie/controller_status", "/clock"),
+    reads=(DECIMATED_STATE, "/cassie/operator_command", "/cassie/controller_status", "/clock"),
     writes=(
         "/cassie/mode",
         "/cassie/operator_in_force",

@@ -21,7 +21,7 @@ from cassie_control.ros.node_events import NodeEvents
 from cassie_control.ros.standard_topics import StandardTopics
 from cassie_control.silence import Silence
 from cassie_gaits.compiled import load_kept
-from cassie_msgs.layout import RobotState, Sensors
+from cassie_msgs.layout import DECIMATED_STATE, RobotState, Sensors
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.fast_lane import (
@@ -35,7 +35,7 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Scheduling
-from cassie_msgs.schedule import SILENT_AFTER, START_TIMEOUT
+from cassie_msgs.schedule import PERIOD_TICKS, SILENT_AFTER, START_TIMEOUT
 
 _REJECTED = "rejected, a substitute is used where there is one; checked anew at rest without power"
 
@@ -67,8 +67,10 @@ class StateEstimator(Node):
         self._rate = RateCheck(self, stop, self._lane.control_rate)
         simulator = OneWriter(Sensors)
         self._samples = LaneSubscription(self, Sensors, qos=NEWEST_OF_ONE, guard=simulator)
+        self._decimated = LanePublisher(self, RobotState, DECIMATED_STATE)
         self._states = LanePublisher(self, RobotState)
-        WriterWatch(self, [simulator], [self._states.publisher], self._conditions.follow)
+        publishers = [self._states.publisher, self._decimated.publisher]
+        WriterWatch(self, [simulator], publishers, self._conditions.follow)
         self._standard = StandardTopics(self, self._lane.control_rate)
         self._waiter = LaneWaiter(self, [self._samples])
         stop.on_request(self._waiter.wake)
@@ -104,11 +106,12 @@ class StateEstimator(Node):
 
     def _answer(self) -> None:
         sample = self._sample
-        episode, seq = key = int(sample.episode), int(sample.seq)
+        episode, seq = key = sample.place
         if key == self._answered:
             if self._hand_on is not None:
                 self._hand_on.put(self._state)
             self._states.publish_raw(self._reply)
+            self._decimated.publish_raw(self._reply)
             return
         if episode != self._answered[0]:
             self._begin(episode)
@@ -118,6 +121,8 @@ class StateEstimator(Node):
             self._hand_on.put(state)
         self._reply = state.to_bytes()
         self._states.publish_raw(self._reply)
+        if seq % PERIOD_TICKS == 0:
+            self._decimated.publish_raw(self._reply)
         self._answered = key
         self._rate.check(episode, seq, sample)
         self._scheduling.follow(bool(sample.wall_paced))
@@ -160,6 +165,7 @@ ABOUT = About(
     reads=("/cassie/sensors",),
     writes=(
         "/cassie/state",
+        DECIMATED_STATE,
         "/imu/data",
         "/odom",
         "/tf",

@@ -142,6 +142,10 @@ class RobotState(Sample):
     operator_lease: UInt64Array
 
 
+DECIMATED_STATE = f"{RobotState.TOPIC}_decimated"
+"""Topic of every tenth state, and of repeated ones, for nodes that answer every tenth."""
+
+
 class Mode(Sample):
     """Mode.msg: what the controller shall do, for every 10th state."""
 

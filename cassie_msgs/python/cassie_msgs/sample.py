@@ -191,6 +191,11 @@ class Sample:
         return int(dict(cls.DTYPE.fields or {})[first][1])
 
     @property
+    def place(self) -> tuple[int, int]:
+        """Episode and seq."""
+        return place(self._memory)
+
+    @property
     def stamp_ns(self) -> int:
         """Stamp, in ns."""
         sec, nanosec = _STAMP.unpack_from(self._memory, _STAMP_OFFSET)

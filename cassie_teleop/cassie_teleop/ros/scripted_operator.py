@@ -12,16 +12,11 @@ from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from cassie_msgs.experiment.file import read_experiment
-from cassie_msgs.layout import LayoutError, OperatorCommand, RobotState, header
+from cassie_msgs.layout import DECIMATED_STATE, LayoutError, OperatorCommand, RobotState, header
 from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
-from cassie_msgs.ros.fast_lane import (
-    EVERY,
-    LanePublisher,
-    LaneSubscription,
-    LaneWaiter,
-    RawSubscription,
-)
+from cassie_msgs.ros.decimated_states import DecimatedStates
+from cassie_msgs.ros.fast_lane import LanePublisher, LaneWaiter, RawSubscription
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
@@ -64,9 +59,7 @@ class ScriptedOperatorNode(Node):
         self._stop = stop
         self._scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
         estimator = OneWriter(RobotState)
-        self._states = LaneSubscription(
-            self, RobotState, qos=EVERY, guard=estimator, every=PERIOD_TICKS
-        )
+        self._states = DecimatedStates(self, estimator)
         self._commands = LanePublisher(self, OperatorCommand)
         self._eyes: RawSubscription | None = None
         if self._operator.rider is not None:
@@ -81,9 +74,12 @@ class ScriptedOperatorNode(Node):
 
     def loop(self) -> None:
         """Answer states until stopped."""
-        heard = time.monotonic()
+        heard = next_look = time.monotonic()
         while not self._stop.requested:
             self._waiter.wait(_LOOK_PERIOD)
+            if time.monotonic() >= next_look:
+                next_look = time.monotonic() + _LOOK_PERIOD
+                self._states.follow_estimator()
             if states := self._states.take_last(_MOST):
                 heard = time.monotonic()
                 self._answer_all(states)
@@ -99,8 +95,6 @@ class ScriptedOperatorNode(Node):
             self._report("script", str(error))
         else:
             self._diagnostics.set("script", diagnostics.OK, "playing")
-        _, _, _, newest = header(states[-1])
-        self._states.rest(PERIOD_TICKS - newest % PERIOD_TICKS)
 
     def _report(self, subject: str, problem: str) -> None:
         level = diagnostics.ERROR if problem else diagnostics.OK
@@ -137,7 +131,7 @@ class ScriptedOperatorNode(Node):
 ABOUT = About(
     package="cassie_teleop",
     text="Drives the robot by a script in robot time, in lock-step with the loop.",
-    reads=("/cassie/state", "/cassie/ground_truth"),
+    reads=(DECIMATED_STATE, "/cassie/ground_truth"),
     writes=("/cassie/operator_command", "/diagnostics"),
     parameters=(Config(),),
 )

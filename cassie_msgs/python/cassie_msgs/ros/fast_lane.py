@@ -122,18 +122,30 @@ class RawSubscription:
             qos: How messages are kept until they are taken.
             guard: Decides which messages are accepted; by default all are.
         """
-        self.topic = topic
+        self._node, self._qos = node, qos
         self._guard = guard
         self._type = message_class
-        self.subscription = node.create_subscription(
+        self._subscribe(topic)
+
+    def _subscribe(self, topic: str) -> None:
+        self.topic = topic
+        self.subscription = self._node.create_subscription(
             self._type,
             self.topic,
             _ignore,
-            qos,
+            self._qos,
             callback_group=_NotForExecutors(),
             raw=True,
         )
         self.inbox = Inbox(self.subscription.handle)
+
+    def change_topic(self, topic: str) -> None:
+        """Subscribe to another topic of the same type instead; messages not yet taken are lost."""
+        before = self.subscription
+        self._subscribe(topic)
+        self._node.destroy_subscription(before)
+        if self._guard is not None:
+            self._guard.change_topic(topic)
 
     def take_raw(self) -> bytes | None:
         """The oldest accepted message not yet taken, as bytes; None if there is none."""
@@ -169,14 +181,6 @@ class RawSubscription:
         """
         return self.inbox.served(answer)
 
-    def rest(self, messages: int) -> None:
-        """Let the given number of messages come, the last of which ends a wait; others do not.
-
-        A node that answers every 10th message would wake up for each, when nodes that answer each
-        one need the processors. A wait may end sooner, by its time-out: take messages then, too.
-        """
-        self.inbox.rest(messages)
-
     @property
     def matched(self) -> int:
         """Number of publishers that send to this subscription."""
@@ -193,7 +197,6 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
         topic: str | None = None,
         qos: QoSProfile = NEWEST,
         guard: OneWriter | None = None,
-        every: int = 1,
     ) -> None:
         """Create the subscription.
 
@@ -203,13 +206,11 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
             topic: Topic of the messages; by default that of the type.
             qos: How messages are kept until they are taken.
             guard: Decides which messages are accepted; by default all are.
-            every: Ticks between messages of interest. A guard that accepts messages in order may
-                skip others, unless they are repeated.
         """
         super().__init__(node, message_type(sample_type), topic or sample_type.TOPIC, qos, guard)
         self._drain = qos.depth > 1
         self._accepted = None if guard is None else guard.accepted
-        self._every, self._scratch = every, sample_type()
+        self._scratch = sample_type()
 
     def take_last(self, most: int) -> Sequence[bytes]:
         """The last `most` accepted messages not yet taken, oldest first.
@@ -236,11 +237,11 @@ class LaneSubscription(RawSubscription, Generic[SampleT]):
     def _load(self, sample: SampleT) -> memoryview | bool:
         """Load the next accepted message into a sample, or return its bytes; False without one."""
         inbox, guard = self.inbox, self._guard
-        taken = inbox.load(sample, self._accepted, self._every)
+        taken = inbox.load(sample, self._accepted)
         while taken is not True and taken is not False:
             if guard is None or guard.admits(inbox.writer, taken):
                 break
-            taken = inbox.load(sample, self._accepted, self._every)
+            taken = inbox.load(sample, self._accepted)
         return taken
 
     def take(self, sample: SampleT) -> bool:
@@ -347,10 +348,9 @@ class LaneWaiter:
         self, node: Node, subscriptions: Iterable[RawSubscription | LocalTopic[Any]]
     ) -> None:
         """Prepare to wait for `subscriptions`; the end of the node's context ends a wait, too."""
-        self._inboxes = {inbox.descriptor: inbox for inbox in (s.inbox for s in subscriptions)}
+        self._subscriptions = tuple(subscriptions)
         self._bell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         weakref.finalize(self, os.close, self._bell)
-        self._descriptors = [*self._inboxes, self._bell]
         node.context.on_shutdown(self.wake)
 
     def wait(self, timeout_s: float) -> bool:
@@ -362,13 +362,14 @@ class LaneWaiter:
         Raises:
             BaseException: what the answer to a message raised in the receiving thread.
         """
-        ready, _, _ = select.select(self._descriptors, (), (), timeout_s)
+        inboxes = {s.inbox.descriptor: s.inbox for s in self._subscriptions}
+        ready, _, _ = select.select([*inboxes, self._bell], (), (), timeout_s)
         come = False
         for descriptor in ready:
             if descriptor == self._bell:
                 os.eventfd_read(descriptor)
             else:
-                self._inboxes[descriptor].clear()
+                inboxes[descriptor].clear()
                 come = True
         return come
 

@@ -50,7 +50,6 @@ _Callback = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_size_t)
 _library.inbox_open.argtypes = (ctypes.c_size_t, ctypes.c_int)
 _library.inbox_open.restype = ctypes.c_void_p
 _library.inbox_close.argtypes = (ctypes.c_void_p,)
-_library.inbox_rest.argtypes = (ctypes.c_void_p, ctypes.c_size_t)
 _library.inbox_error.restype = ctypes.c_char_p
 _take, _load = _library.inbox_take, _library.inbox_load
 # These calls may wait for the receiving thread, which may wait for the interpreter lock.
@@ -60,7 +59,7 @@ _ring, _announce_to = _patient.inbox_ring, _patient.inbox_call
 _ADDRESS, _SIZE = ctypes.c_void_p, ctypes.c_size_t
 for _two in (_take, _take_patiently, _ring, _announce_to):
     _two.argtypes = (_ADDRESS, _ADDRESS)
-_load.argtypes = _load_patiently.argtypes = (*(_ADDRESS,) * 4, _SIZE, ctypes.c_uint64)
+_load.argtypes = _load_patiently.argtypes = (*(_ADDRESS,) * 4, _SIZE)
 _ring.restype = _announce_to.restype = ctypes.c_bool
 
 
@@ -138,10 +137,6 @@ class Inbox:
             error, self._error = self._error, None
             raise error
 
-    def rest(self, messages: int) -> None:
-        """Leave the descriptor as it is until the given number of further messages have come."""
-        _library.inbox_rest(self._inbox, messages)
-
     def take(self) -> memoryview | None:
         """The oldest message not yet taken, valid until the next call; None if there is none.
 
@@ -155,16 +150,12 @@ class Inbox:
         _check(code <= _LOOK)
         return self._message() if code == _LOOK else None
 
-    def load(
-        self, sample: Sample, accepted: int | None = None, every: int = 1
-    ) -> memoryview | bool:
+    def load(self, sample: Sample, accepted: int | None = None) -> memoryview | bool:
         """Take the oldest message and load it into a sample, if it needs no closer look.
 
         Args:
             sample: Result.
             accepted: Address of the `Accepted` of a guard; None if every message is accepted.
-            every: Ticks between messages of interest. Others that follow in order are skipped,
-                unless they are repeated.
 
         Returns:
             True if the sample is loaded, False if there was no message. Otherwise the message is
@@ -175,11 +166,11 @@ class Inbox:
         """
         inbox, pointer, address, size = self._inbox, self._pointer, sample.address, sample.SIZE
         if self._receiver == threading.get_ident():  # this thread holds the handle
-            code = _load(inbox, pointer, accepted, address, size, every)
+            code = _load(inbox, pointer, accepted, address, size)
         else:
             load = _load_patiently if self._receiver else _load
             with self._handle:
-                code = load(inbox, pointer, accepted, address, size, every)
+                code = load(inbox, pointer, accepted, address, size)
         _check(code <= _LOOK)
         return self._message() if code == _LOOK else code == _LOADED
 

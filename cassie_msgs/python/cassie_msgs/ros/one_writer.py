@@ -132,6 +132,12 @@ class OneWriter:
         known.usual, known.heard = True, now
         return True
 
+    def change_topic(self, topic: str) -> None:
+        """Listen to another topic of the same type: the next message binds."""
+        self.topic = topic
+        self.release()
+        self._free_from = 0.0
+
     def doubt(self) -> None:
         """Take in that the reader refused the last message: the next writer gets the place."""
         self._known.usual = False
