@@ -84,7 +84,7 @@ class ScriptedOperatorNode(Node):
                 heard = time.monotonic()
                 self._answer_all(states)
             elif time.monotonic() - heard > _SILENCE:
-                message = f"no {RobotState.TOPIC} for more than {_SILENCE:g} s"
+                message = f"no {self._states.topic} for more than {_SILENCE:g} s"
                 self._diagnostics.set("script", diagnostics.STALE, message)
 
     def _answer_all(self, states: Sequence[bytes]) -> None:
