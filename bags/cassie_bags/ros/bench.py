@@ -55,7 +55,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m cassie_bags.ros.bench", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/bench.json"))
     parser.add_argument("--repetitions", type=positive, default=3)
-    parser.add_argument("--seconds", type=seconds, default=12.0, help="robot time of a run")
+    parser.add_argument("--seconds", type=seconds, default=30.0, help="robot time of a run")
     arguments = parser.parse_args()
     signal.signal(signal.SIGTERM, interrupt)
     failures: list[str] = []
