@@ -53,7 +53,8 @@ def test_what_was_measured_is_kept_if_a_part_fails(tmp_path, monkeypatch, capsys
     monkeypatch.setattr(bench, "measure_apart", measure)
     monkeypatch.setattr(bench.signal, "signal", lambda *_: None)
     out = tmp_path / "bench.json"
-    monkeypatch.setattr(sys, "argv", ["bench", "--out", str(out), "--repetitions", "1"])
+    words = ["--out", str(out), "--repetitions", "1", "--seconds", "12"]
+    monkeypatch.setattr(sys, "argv", ["bench", *words])
     assert bench.main() == 3
     figures = json.loads(out.read_text())
     assert figures["one process"] == 12.0
