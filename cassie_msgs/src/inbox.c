@@ -60,7 +60,7 @@ typedef struct
   uint64_t number;
   uint8_t writer[RMW_GID_STORAGE_SIZE];
   rcl_serialized_message_t message;
-  int descriptor;           // becomes readable when a message comes
+  int descriptor;  // becomes readable when a message comes
 } inbox_t;
 
 inbox_t * inbox_open(size_t capacity, int descriptor)

@@ -7,15 +7,13 @@ import pytest
 from cassie_msgs.layout import DECIMATED_STATE, RobotState
 from cassie_msgs.ros.decimated_states import DecimatedStates
 from cassie_msgs.ros.fast_lane import LanePublisher, LaneWaiter
-from cassie_msgs.ros.one_writer import OneWriter
 
 
 class Reader:
-    """A node's states, the waiter that it made at its start, and its guard."""
+    """A node's states, and the waiter that it made at its start."""
 
     def __init__(self, node):
-        self.guard = OneWriter(RobotState)
-        self.states = DecimatedStates(node, self.guard)
+        self.states = DecimatedStates(node)
         self.waiter = LaneWaiter(node, [self.states])
 
     def match(self, publisher):
@@ -62,7 +60,7 @@ def test_of_an_estimator_that_decimates_none_the_states_between_are_skipped(node
     publish(every, keys)
     tenth = [(1, 0), (1, 10), (1, 20), (1, 24), (1, 24), (2, 0), (2, 10)]
     assert reader.heard() == tenth
-    assert reader.guard.topic == RobotState.TOPIC  # so that its second writers are named
+    assert reader.states.estimator.topic == RobotState.TOPIC  # so that its second writers are named
 
 
 def test_an_estimator_may_be_replaced_by_one_of_the_other_kind(node, reader):

@@ -20,7 +20,7 @@ from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.decimated_states import DecimatedStates
 from cassie_msgs.ros.fast_lane import LanePublisher, LaneWaiter
-from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
+from cassie_msgs.ros.one_writer import WriterWatch
 from cassie_msgs.ros.parameters import declare
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Place, Scheduling
@@ -54,8 +54,7 @@ class ModeSupervisorNode(Node):
         self._stop = stop
         self._conditions = Conditions(self)
         self._rate = RateCheck(self, stop, self._lane.control_rate)
-        estimator = OneWriter(RobotState)
-        self._states = DecimatedStates(self, estimator)
+        self._states = DecimatedStates(self)
         self._modes = LanePublisher(self, Mode)
         self._status = StatusTopic(self, self._lane.control_rate)
         self._in_force = CommandInForce(self)
@@ -65,7 +64,7 @@ class ModeSupervisorNode(Node):
         )
         WriterWatch(
             self,
-            [estimator, self._watch.controller, self._watch.simulator],
+            [self._states.estimator, self._watch.controller, self._watch.simulator],
             [self._modes.publisher, self._status.publisher],
             self._conditions.follow,
         )

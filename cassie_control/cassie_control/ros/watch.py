@@ -18,7 +18,7 @@ _REPEATED = REPEAT_PERIOD / 2  # s after its last answer, from which a node was 
 
 
 class Watch:
-    """Monitors the simulator by /clock, the estimator by /cassie/state, the controller by status.
+    """Monitors the simulator by /clock, the estimator by its states, the controller by status.
 
     Attributes:
         simulator: Guard that accepts the clock of one simulator.

@@ -168,7 +168,7 @@ class SimulatorLane:
         try:
             if not self._commands.take(self._received):
                 return
-            episode, seq = key = int(self._received.episode), int(self._received.seq)
+            episode, seq = key = self._received.place
             refused = ""
             same = episode == self._asked[0]
             self._controller.used(same)

@@ -17,7 +17,7 @@ from cassie_msgs.ros import diagnostics, parameters, process
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.decimated_states import DecimatedStates
 from cassie_msgs.ros.fast_lane import LanePublisher, LaneWaiter, RawSubscription
-from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
+from cassie_msgs.ros.one_writer import WriterWatch
 from cassie_msgs.ros.scheduling import Place, Scheduling
 from cassie_msgs.schedule import PERIOD_TICKS
 from cassie_msgs.tunables import ParameterError, tunable
@@ -58,8 +58,7 @@ class ScriptedOperatorNode(Node):
         self._operator = ScriptedOperator(script.operator, script.rider)
         self._stop = stop
         self._scheduling = Scheduling(self.get_logger().warning, Place.BESIDE)
-        estimator = OneWriter(RobotState)
-        self._states = DecimatedStates(self, estimator)
+        self._states = DecimatedStates(self)
         self._commands = LanePublisher(self, OperatorCommand)
         self._eyes: RawSubscription | None = None
         if self._operator.rider is not None:
@@ -67,7 +66,7 @@ class ScriptedOperatorNode(Node):
         self._waiter = LaneWaiter(self, [self._states, *([self._eyes] if self._eyes else [])])
         stop.on_request(self._waiter.wake)
         self._diagnostics = diagnostics.Diagnostics(self)
-        WriterWatch(self, [estimator], [], self._report)
+        WriterWatch(self, [self._states.estimator], [], self._report)
         self._state = RobotState()
         self._answered = (-1, -1)
         self._reply = b""

@@ -23,12 +23,15 @@ class DecimatedStates(LaneSubscription[RobotState]):
 
     Args:
         node: Node it belongs to.
-        guard: Decides which messages are accepted.
+
+    Attributes:
+        estimator: Guard that accepts the states of one estimator.
     """
 
-    def __init__(self, node: Node, guard: OneWriter) -> None:
-        super().__init__(node, RobotState, DECIMATED_STATE, EVERY, guard)
-        guard.topic = DECIMATED_STATE
+    def __init__(self, node: Node) -> None:
+        self.estimator = OneWriter(RobotState)
+        self.estimator.topic = DECIMATED_STATE
+        super().__init__(node, RobotState, DECIMATED_STATE, EVERY, self.estimator)
         self._last = (-1, -1)
 
     def follow_estimator(self) -> None:
