@@ -553,7 +553,8 @@ def _node() -> Iterator[Node]:
             raise
         raise KeyboardInterrupt from None  # which rclpy has taken for itself
     finally:
-        rclpy.try_shutdown()
+        with contextlib.suppress(RCLError):  # at Ctrl-C rclpy's own thread may be the first
+            rclpy.try_shutdown()
 
 
 def _call(node: Node, service: str, kind: Any, request: Any) -> Any:

@@ -12,6 +12,7 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+import rclpy
 import yaml
 from bringup import Robot
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -307,3 +308,17 @@ def test_a_service_that_is_not_there_is_not_suggested_in_its_own_place(monkeypat
     monkeypatch.setattr(calls, "TIMEOUT", 0.1)
     with pytest.raises(calls.CallError, match=r"nobody serves /cassie/nothing within 0.1 s$"):
         calls.call_service("/cassie/nothing", "cassie_msgs/srv/Push", "{force: [0, 0, 1]}")
+
+
+def test_ctrl_c_ends_it_quietly_when_rclpy_has_shut_down_first(monkeypatch) -> None:
+    monkeypatch.syspath_prepend(ROS2.parents[1])
+    calls = import_module("ros2_calls")
+    shut_down = rclpy.try_shutdown
+
+    def too_late() -> None:  # as in a race with rclpy's thread for signals
+        shut_down()
+        raise calls.RCLError("rcl_shutdown already called on the given context")
+
+    monkeypatch.setattr(rclpy, "try_shutdown", too_late)
+    with pytest.raises(KeyboardInterrupt), calls._node():
+        raise KeyboardInterrupt
