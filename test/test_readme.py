@@ -48,7 +48,7 @@ def joined(text: str) -> str:
 def source_of(package: str, executable: str) -> str:
     """The sources of an executable, with those of modules of its package that it hands over to.
 
-    Functions `add_...`, with which commands share options, come along.
+    Methods of the parser, with which commands share options, come along.
 
     The test fails if the package has none.
     """
@@ -62,9 +62,9 @@ def source_of(package: str, executable: str) -> str:
         path = folder / parent.replace(".", "/") / f"{name}.py"
         source += path.read_text(encoding="utf-8") if path.is_file() else ""
     shared = folder / package / "cli" / "arguments.py"
-    for name in re.findall(r"^    (add_\w+)\(", source, re.MULTILINE) if shared.is_file() else ():
-        text = shared.read_text(encoding="utf-8")
-        source += text[text.index(f"def {name}(") :].partition("\n\n\n")[0]
+    text = shared.read_text(encoding="utf-8") if shared.is_file() else ""
+    for name in set(re.findall(r"parser\.(\w+)\(", source)):
+        source += text.partition(f"def {name}(")[2].partition("\n\n")[0]
     return source
 
 
@@ -227,7 +227,8 @@ def test_commands_that_readmes_name_have_these_options() -> None:
     for package, executable, rest in commands():
         source = source_of(package, executable)
         for option in re.findall(r"(?<=[ \[])--[a-z][a-z-]*", rest.partition("--ros-args")[0]):
-            assert f'"{option}"' in source, f"ros2 run {package} {executable} has no {option}"
+            named = re.search(rf'"(-\w )?{option}( --[a-z-]+)?"', source)
+            assert named, f"ros2 run {package} {executable} has no {option}"
             seen += 1
     assert seen > 40
 

@@ -1,4 +1,4 @@
-"""Arguments that several commands share."""
+"""Parser of the commands: arguments in few words, and those that several commands share."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from cassie_bags.errors import BagError
 from cassie_bags.studies.trial import SEEDS
@@ -75,119 +76,107 @@ def one_of(known: Iterable[str], what: str) -> Callable[[str], str]:
     return read
 
 
-def add_jobs(parser: argparse.ArgumentParser, *, elsewhere: bool = False) -> None:
-    """Option `--jobs`: the number of processes.
+class _Formatter(argparse.HelpFormatter):
+    """Usage as it is typed, while errors have the command's name alone."""
 
-    Args:
-        parser: Parser of the command.
-        elsewhere: Whether to add `--scheduler`, for work that other computers may do.
+    def add_usage(
+        self,
+        usage: str | None,
+        actions: Iterable[argparse.Action],
+        groups: Iterable[argparse._MutuallyExclusiveGroup],
+        prefix: str | None = None,
+    ) -> None:
+        super().add_usage(usage, actions, groups, prefix or "usage: ros2 run cassie_bags ")
+
+
+class CommandParser(argparse.ArgumentParser):
+    """Parser of a command of this package, whose usage is `ros2 run cassie_bags PROG …`.
+
+    In its methods `names` are an option's names, or an argument's; `words` stand in the help.
     """
-    parser.add_argument(
-        "--jobs", type=positive, metavar="N", help="processes (default: one for each core)"
-    )
-    if elsewhere:
-        parser.add_argument(
-            "--scheduler",
-            metavar="ADDRESS",
-            help="address of a Dask cluster that computes instead of these processes",
+
+    def __init__(self, prog: str, description: str, epilog: str) -> None:
+        super().__init__(prog, description=description, epilog=epilog, formatter_class=_Formatter)
+
+    def flag(self, names: str, words: str) -> None:
+        """Add an option without a value."""
+        self.add_argument(*names.split(), action="store_true", help=words)
+
+    def value(
+        self,
+        names: str,
+        metavar: str,
+        words: str,
+        kind: Callable[[str], Any] = str,
+        **more: Any,
+    ) -> None:
+        """Add an argument, or an option with a value.
+
+        Args:
+            names, words: See the class.
+            metavar: The value in the help.
+            kind: Reads the value, and refuses wrong ones.
+            more: As for `argparse.ArgumentParser.add_argument`.
+        """
+        self.add_argument(*names.split(), metavar=metavar, help=words, type=kind, **more)
+
+    def number(
+        self,
+        name: str,
+        kind: Callable[[str], float],
+        default: float,
+        words: str,
+        metavar: str = "N",
+    ) -> None:
+        """Add an option with a number, whose help ends with its default."""
+        self.value(name, metavar, f"{words} (default {default:g})", kind, default=default)
+
+    def bag(self, name: str, metavar: str = "BAG", nargs: str | None = None) -> None:
+        """Add a bag, or several; a wrong one is refused before slow modules are loaded."""
+        self.value(name, metavar, "MCAP file, or folder of ros2 bag", _bag, nargs=nargs)
+
+    def jobs(self, *, elsewhere: bool = False) -> None:
+        """Add `--jobs`, and where other computers may do the work, `--scheduler`."""
+        self.value("--jobs", "N", "processes (default: one for each core)", positive)
+        if elsewhere:
+            words = "address of a Dask cluster that computes instead of these processes"
+            self.value("--scheduler", "ADDRESS", words)
+
+    def seed(self, default: int) -> None:
+        """Add `--seed`: the seed of the robot."""
+        words = "seed of robot and noise, 0 for the nominal robot"
+        self.number("--seed", count, default, words)
+
+    def seeds(self, use: str) -> None:
+        """Add `--seeds`: the number of drawn robots; their seeds begin at 1."""
+        self.number("--seeds", positive, SEEDS, f"robots {use}, drawn by seeds 1 to N")
+
+    def set(self, words: str) -> None:
+        """Add `--set`: values that replace those of the experiments."""
+        words = f"{words}; or the values of a file: @FILE"
+        self.value("--set", "KEY=VALUE", words, action="append", default=[])
+
+    def out(self, command: str) -> None:
+        """Add `--out`: the folder for results."""
+        default = Path("build", command)
+        self.value(
+            "--out", "FOLDER", f"folder to write to (default {default})", Path, default=default
         )
 
+    def output(
+        self,
+        metavar: str,
+        words: str,
+        kind: Callable[[str], Path] = Path,
+        default: Path | None = None,
+    ) -> None:
+        """Add `-o`: the file or folder for the output."""
+        self.value("-o --output", metavar, words, kind, default=default)
 
-def add_number(
-    parser: argparse.ArgumentParser,
-    option: str,
-    kind: Callable[[str], float],
-    default: float,
-    words: str,
-    metavar: str = "N",
-) -> None:
-    """An option with a number, whose help ends with its default.
-
-    Args:
-        parser: Parser of the command.
-        option: Name of the option.
-        kind: Reads the word, and refuses wrong ones.
-        default: Number without this option.
-        words: Meaning of the number, for the help.
-        metavar: The number in the help.
-    """
-    words = f"{words} (default {default:g})"
-    parser.add_argument(option, type=kind, default=default, metavar=metavar, help=words)
-
-
-def add_seed(parser: argparse.ArgumentParser, default: int) -> None:
-    """Option `--seed`: the seed of the robot."""
-    add_number(parser, "--seed", count, default, "seed of robot and noise, 0 for the nominal robot")
-
-
-def add_set(parser: argparse.ArgumentParser, words: str) -> None:
-    """Option `--set`: values that replace those of the experiments.
-
-    Args:
-        parser: Parser of the command.
-        words: Use of the values, for the help.
-    """
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help=f"{words}; or the values of a file: @FILE",
-    )
-
-
-def add_seeds(parser: argparse.ArgumentParser, use: str) -> None:
-    """Option `--seeds`: the number of drawn robots; their seeds begin at 1."""
-    add_number(parser, "--seeds", positive, SEEDS, f"robots {use}, drawn by seeds 1 to N")
-
-
-def add_out(parser: argparse.ArgumentParser, command: str) -> None:
-    """Option `--out`: the folder for results."""
-    parser.add_argument(
-        "--out",
-        type=Path,
-        default=Path("build", command),
-        metavar="FOLDER",
-        help=f"folder to write to (default build/{command})",
-    )
-
-
-def add_output(
-    parser: argparse.ArgumentParser,
-    metavar: str,
-    words: str,
-    kind: Callable[[str], Path] = Path,
-    default: Path | None = None,
-) -> None:
-    """Option `-o`: the file or folder for the output.
-
-    Args:
-        parser: Parser of the command.
-        metavar: What the output is, for the help.
-        words: Use of the output, for the help.
-        kind: Reads the word, and refuses wrong ones.
-        default: Output without this option.
-    """
-    parser.add_argument("-o", "--output", type=kind, default=default, metavar=metavar, help=words)
-
-
-def add_results(parser: argparse.ArgumentParser, what: str) -> None:
-    """Option `--results`: a Markdown file of results that gets the table.
-
-    Args:
-        parser: Parser of the command.
-        what: Rows that the file gets, for the help.
-    """
-    words = f"also write the table into this file of results: {what}"
-    parser.add_argument("--results", type=Path, metavar="FILE.md", help=words)
-
-
-def add_bag(
-    parser: argparse.ArgumentParser, name: str, metavar: str = "BAG", nargs: str | None = None
-) -> None:
-    """Add a bag, or several, to the arguments of a command."""
-    words = "MCAP file, or folder of ros2 bag"
-    parser.add_argument(name, nargs=nargs, metavar=metavar, type=_bag, help=words)
+    def results(self, what: str) -> None:
+        """Add `--results`: a Markdown file of results that gets the table of some rows."""
+        words = f"also write the table into this file of results: {what}"
+        self.value("--results", "FILE.md", words, Path)
 
 
 def _bag(word: str) -> Path:

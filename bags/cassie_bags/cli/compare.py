@@ -6,16 +6,8 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from cassie_bags.cli.arguments import add_bag, add_output, picture
-from cassie_bags.cli.frame import (
-    NOT_AS_EXPECTED,
-    OK,
-    CommandParser,
-    command,
-    exit_codes,
-    labels,
-    new_file,
-)
+from cassie_bags.cli.arguments import CommandParser, picture
+from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, command, exit_codes, labels, new_file
 from cassie_bags.errors import BagError
 
 if TYPE_CHECKING:
@@ -23,7 +15,7 @@ if TYPE_CHECKING:
     from cassie_bags.bag.summary import Summary
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="compare",
         description="Say whether two bags hold the same samples, where they first differ, and how "
@@ -31,8 +23,8 @@ def _parser() -> argparse.ArgumentParser:
         epilog=exit_codes("the same", "different", runs=False),
     )
     for name in ("a", "b"):
-        add_bag(parser, name, metavar=name.upper())
-    add_output(parser, "FILE", "also plot both: .png, .svg or .pdf", picture)
+        parser.bag(name, name.upper())
+    parser.output("FILE", "also plot both: .png, .svg or .pdf", picture)
     return parser
 
 

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_set, count, positive
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
+from cassie_bags.cli.arguments import CommandParser, count, positive
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -22,7 +22,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return run(arguments)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="experiment",
         description="Run experiment files, with all nodes as processes. For one file it prints a "
@@ -30,22 +30,20 @@ def _parser() -> argparse.ArgumentParser:
         "files it writes bags, pictures and one page, report.html.",
         epilog=exit_codes("as expected", "not as expected"),
     )
-    parser.add_argument(
-        "files", nargs="*", type=Path, metavar="FILE.yaml", help="YAML files, see bags/README.md"
-    )
-    parser.add_argument("--all", action="store_true", help="run all experiments of the package")
+    parser.value("files", "FILE.yaml", "YAML files, see bags/README.md", Path, nargs="*")
+    parser.flag("--all", "run all experiments of the package")
     seeds = parser.add_mutually_exclusive_group()
     seeds.add_argument("--seed", type=count, metavar="N", help="seed instead of the file's seed")
     seeds.add_argument(
         "--seeds", type=positive, default=0, metavar="N", help="run each file with seeds 1 to N"
     )
-    add_set(parser, "replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6")
-    parser.add_argument(
+    parser.set("replace a value of the file: controller.walk.law=paper, operator.3.vx=0.6")
+    parser.value(
         "--out",
-        type=Path,
-        metavar="FOLDER",
-        help="keep bag, pictures, table, JSON and page in this folder; of several runs each has a "
+        "FOLDER",
+        "keep bag, pictures, table, JSON and page in this folder; of several runs each has a "
         "folder in it (build/experiments). Results of an earlier run are replaced",
+        Path,
     )
     how = parser.add_mutually_exclusive_group()
     how.add_argument(
@@ -57,12 +55,10 @@ def _parser() -> argparse.ArgumentParser:
         help="run without ROS, in one process for each core of the machine, as fast as "
         "possible; the trajectories are the same to the last bit",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print one line of JSON on stdout, also on a terminal"
-    )
-    parser.add_argument("--no-pictures", action="store_true", help="with --out: no pictures")
-    parser.add_argument("--no-video", action="store_true", help="with --out: no video")
-    add_jobs(parser)
+    parser.flag("--json", "print one line of JSON on stdout, also on a terminal")
+    parser.flag("--no-pictures", "with --out: no pictures")
+    parser.flag("--no-video", "with --out: no video")
+    parser.jobs()
     return parser
 
 

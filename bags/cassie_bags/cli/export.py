@@ -6,29 +6,24 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_bag, add_output, one_of
-from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes, stem
+from cassie_bags.cli.arguments import CommandParser, one_of
+from cassie_bags.cli.frame import OK, command, exit_codes, stem
 
 FORMATS = ("csv", "parquet", "npz")
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="export",
         description="Write topics of a bag into files for other programs, one for each topic, and "
         "fields.csv with the unit of every column.",
         epilog=exit_codes("done", runs=False),
     )
-    add_bag(parser, "bag")
-    parser.add_argument(
-        "--format",
-        type=one_of(FORMATS, "format"),
-        default="csv",
-        metavar="csv|npz|parquet",
-        help=f"{', '.join(FORMATS)} (default csv)",
-    )
-    parser.add_argument("--topics", nargs="+", metavar="TOPIC", help="topics (default: all)")
-    add_output(parser, "FOLDER", "target folder (default: BAG_FORMAT)")
+    parser.bag("bag")
+    form, words = one_of(FORMATS, "format"), f"{', '.join(FORMATS)} (default csv)"
+    parser.value("--format", "csv|npz|parquet", words, form, default="csv")
+    parser.value("--topics", "TOPIC", "topics (default: all)", nargs="+")
+    parser.output("FOLDER", "target folder (default: BAG_FORMAT)")
     return parser
 
 

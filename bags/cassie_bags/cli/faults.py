@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 
-from cassie_bags.cli.arguments import add_jobs, add_results, add_seed, one_of
-from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
+from cassie_bags.cli.arguments import CommandParser, one_of
+from cassie_bags.cli.frame import command, exit_codes, study
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="faults",
         description="Let sensors fail while Cassie stands and walks; print a table of what Cassie "
         "does, and of the time from the error's bound until the channel is reported.",
         epilog=exit_codes("all faults end safely and are reported within 100 ms", "some do not"),
     )
-    parser.add_argument(
-        "channels",
-        nargs="*",
-        type=_channel,
-        metavar="CHANNEL",
-        help="such as drive_position.3 (default: all)",
-    )
-    parser.add_argument(
-        "--kinds",
-        nargs="+",
-        type=_kind,
-        metavar="KIND",
-        help="off, stuck, nan, spike, delay (default: all)",
-    )
-    parser.add_argument(
-        "--modes", nargs="+", metavar="MODE", help="standing, walking (default: both)"
-    )
-    add_seed(parser, 1)
-    add_jobs(parser)
-    add_results(parser, "all channels, kinds and modes")
+    channels = "such as drive_position.3 (default: all)"
+    parser.value("channels", "CHANNEL", channels, _channel, nargs="*")
+    kinds = "off, stuck, nan, spike, delay (default: all)"
+    parser.value("--kinds", "KIND", kinds, _kind, nargs="+")
+    parser.value("--modes", "MODE", "standing, walking (default: both)", nargs="+")
+    parser.seed(1)
+    parser.jobs()
+    parser.results("all channels, kinds and modes")
     return parser
 
 

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs
-from cassie_bags.cli.frame import CommandParser, command, exit_codes
+from cassie_bags.cli.arguments import CommandParser
+from cassie_bags.cli.frame import command, exit_codes
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -20,7 +20,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return run(arguments)
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="fingerprint",
         description="Run experiments in one process, without ROS, and compare each topic with "
@@ -29,30 +29,14 @@ def _parser() -> argparse.ArgumentParser:
         "5 s must be the same within tolerances.",
         epilog=exit_codes("as recorded", "not"),
     )
-    parser.add_argument(
-        "files",
-        nargs="*",
-        type=Path,
-        metavar="FILE.yaml",
-        help="experiments (default: all of the package)",
-    )
-    parser.add_argument(
-        "--fast", action="store_true", help="run only the first part of a few experiments"
-    )
-    parser.add_argument("--renew", action="store_true", help="record new fingerprints")
-    parser.add_argument(
-        "--bags",
-        type=Path,
-        metavar="FOLDER",
-        help="read bags of the command experiment from this folder instead of running them",
-    )
-    parser.add_argument(
-        "--file",
-        type=Path,
-        metavar="FILE.yaml",
-        help="file of fingerprints (default: the package's)",
-    )
-    add_jobs(parser)
+    files = "experiments (default: all of the package)"
+    parser.value("files", "FILE.yaml", files, Path, nargs="*")
+    parser.flag("--fast", "run only the first part of a few experiments")
+    parser.flag("--renew", "record new fingerprints")
+    bags = "read bags of the command experiment from this folder instead of running them"
+    parser.value("--bags", "FOLDER", bags, Path)
+    parser.value("--file", "FILE.yaml", "file of fingerprints (default: the package's)", Path)
+    parser.jobs()
     return parser
 
 

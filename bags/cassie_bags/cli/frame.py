@@ -10,7 +10,7 @@ import argparse
 import datetime
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol
@@ -20,26 +20,6 @@ from cassie_msgs.processes import STOPPED, run_command
 
 OK, NOT_AS_EXPECTED, WRONG_INPUT, NO_RUN = 0, 1, 2, 3
 """Exit codes."""
-
-
-class _Formatter(argparse.HelpFormatter):
-    """Usage as it is typed, while errors have the command's name alone."""
-
-    def add_usage(
-        self,
-        usage: str | None,
-        actions: Iterable[argparse.Action],
-        groups: Iterable[argparse._MutuallyExclusiveGroup],
-        prefix: str | None = None,
-    ) -> None:
-        super().add_usage(usage, actions, groups, prefix or "usage: ros2 run cassie_bags ")
-
-
-class CommandParser(argparse.ArgumentParser):
-    """Parser of a command of this package, whose usage is `ros2 run cassie_bags PROG …`."""
-
-    def __init__(self, prog: str, description: str, epilog: str) -> None:
-        super().__init__(prog, description=description, epilog=epilog, formatter_class=_Formatter)
 
 
 def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True, node: bool = False) -> str:

@@ -5,21 +5,19 @@ from __future__ import annotations
 import argparse
 import sys
 
-from cassie_bags.cli.arguments import add_bag
-from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes
+from cassie_bags.cli.arguments import CommandParser
+from cassie_bags.cli.frame import OK, command, exit_codes
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="info",
         description="Say what is in a bag: duration, topics and their rates, missing samples, "
         "episodes, modes over time, faults, falls, values drawn, versions.",
         epilog=exit_codes("done", runs=False),
     )
-    add_bag(parser, "bag")
-    parser.add_argument(
-        "--json", action="store_true", help="print one line of JSON instead of text"
-    )
+    parser.bag("bag")
+    parser.flag("--json", "print one line of JSON instead of text")
     return parser
 
 

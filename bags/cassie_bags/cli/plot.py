@@ -6,11 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_bag, add_output, picture
-from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes, new_file, stem
+from cassie_bags.cli.arguments import CommandParser, picture
+from cassie_bags.cli.frame import OK, command, exit_codes, new_file, stem
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="plot",
         description="Draw fields of a bag over time, or without a field the modes, tracking, "
@@ -18,11 +18,10 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Fields are those of export: state.q.yaw, sensors.drive_torque, "
         "/imu/data.linear_acceleration.x. " + exit_codes("done", runs=False),
     )
-    add_bag(parser, "bag")
-    parser.add_argument(
-        "fields", nargs="*", metavar="TOPIC.FIELD", help="one panel each; /cassie/ may be left out"
-    )
-    add_output(parser, "FILE", ".png, .svg or .pdf (default: BAG.png)", picture)
+    parser.bag("bag")
+    words = "one panel each; /cassie/ may be left out"
+    parser.value("fields", "TOPIC.FIELD", words, nargs="*")
+    parser.output("FILE", ".png, .svg or .pdf (default: BAG.png)", picture)
     return parser
 
 

@@ -8,8 +8,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_output, count, in_range, one_of
-from cassie_bags.cli.frame import CommandParser, exit_codes, node_words
+from cassie_bags.cli.arguments import CommandParser, count, in_range, one_of
+from cassie_bags.cli.frame import exit_codes, node_words
 
 MIB = 1 << 20
 """Bytes of a MiB."""
@@ -32,24 +32,12 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
         "and begin the next one, and /recorder/split (std_srvs/Trigger) begins the next file. "
         + exit_codes("ended, also by Ctrl-C", "the disk is full, or nearly", runs=False, node=True),
     )
-    parser.add_argument(
-        "names",
-        nargs="*",
-        metavar="TOPIC",
-        type=_topic,
-        help="topics to record (as with --topics)",
-    )
-    parser.add_argument(
-        "--topics",
-        nargs="+",
-        type=_topic,
-        default=[],
-        metavar="TOPIC",
-        help="topics to record (default: the control lane and the usual ones)",
-    )
+    parser.value("names", "TOPIC", "topics to record (as with --topics)", _topic, nargs="*")
+    about = "topics to record (default: the control lane and the usual ones)"
+    parser.value("--topics", "TOPIC", about, _topic, nargs="+", default=[])
     about = "file NAME.mcap, or a folder as ros2 bag writes it (default: cassie_DATE_TIME.mcap)"
-    add_output(parser, "NAME.mcap|FOLDER", about)
-    parser.add_argument("-a", "--all", action="store_true", help="record every topic")
+    parser.output("NAME.mcap|FOLDER", about)
+    parser.flag("-a --all", "record every topic")
     times = parser.add_mutually_exclusive_group()
     times.add_argument(
         "--use-sim-time", action="store_true", help="log_time is robot time (default)"
@@ -57,45 +45,17 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     times.add_argument(
         "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
     )
-    parser.add_argument(
-        "-b",
-        "--max-bag-size",
-        type=count,
-        default=0,
-        metavar="BYTES",
-        help="bytes after which a new file begins",
-    )
-    parser.add_argument(
-        "-d",
-        "--max-bag-duration",
-        type=count,
-        default=0,
-        metavar="SECONDS",
-        help="seconds of log_time after which a new file begins",
-    )
-    parser.add_argument(
-        "--compression-format",
-        type=one_of(("zstd", "none"), "compression"),
-        default="zstd",
-        metavar="zstd|none",
-        help="compression of the chunks: zstd or none (default zstd)",
-    )
-    parser.add_argument(
-        "--start-paused", action="store_true", help="begin when /recorder/record asks for it"
-    )
-    parser.add_argument(
-        "--min-free-space",
-        type=_mebibytes,
-        default=100 * MIB,
-        metavar="MIB",
-        help="end when less space is free on the disk (default: 100)",
-    )
-    parser.add_argument(
-        "--metadata",
-        type=Path,
-        metavar="FILE",
-        help="YAML file of records to put into the bag",
-    )
+    about = "bytes after which a new file begins"
+    parser.value("-b --max-bag-size", "BYTES", about, count, default=0)
+    about = "seconds of log_time after which a new file begins"
+    parser.value("-d --max-bag-duration", "SECONDS", about, count, default=0)
+    compression = one_of(("zstd", "none"), "compression")
+    about = "compression of the chunks: zstd or none (default zstd)"
+    parser.value("--compression-format", "zstd|none", about, compression, default="zstd")
+    parser.flag("--start-paused", "begin when /recorder/record asks for it")
+    about = "end when less space is free on the disk (default: 100)"
+    parser.value("--min-free-space", "MIB", about, _mebibytes, default=100 * MIB)
+    parser.value("--metadata", "FILE", "YAML file of records to put into the bag", Path)
     arguments = parser.parse_args(words)
     arguments.topics = [*arguments.names, *arguments.topics]
     if arguments.all and arguments.topics:

@@ -7,21 +7,19 @@ import os
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_output
-from cassie_bags.cli.frame import OK, CommandParser, command, exit_codes
+from cassie_bags.cli.arguments import CommandParser
+from cassie_bags.cli.frame import OK, command, exit_codes
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="recover",
         description="Make an indexed bag from one that is damaged or whose writer was killed.",
         epilog="The bag itself and anything that exists stay as they are. "
         + exit_codes("messages were recovered", runs=False),
     )
-    parser.add_argument(
-        "file", type=Path, metavar="BAG", help="the damaged bag: a file, or a folder of ros2 bag"
-    )
-    add_output(parser, "BAG", "new bag (default: FILE_recovered.mcap)")
+    parser.value("file", "BAG", "the damaged bag: a file, or a folder of ros2 bag", Path)
+    parser.output("BAG", "new bag (default: FILE_recovered.mcap)")
     return parser
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from cassie_bags.bag.playback import RATES
 from cassie_bags.cli import verify
-from cassie_bags.cli.arguments import in_range
-from cassie_bags.cli.frame import CommandParser, exit_codes, node_words
+from cassie_bags.cli.arguments import CommandParser, in_range
+from cassie_bags.cli.frame import exit_codes, node_words
 
 KEYS = "space: pause, right: step, left: 5 s back, up/down: rate, q: end"
 """Keys on a terminal."""
@@ -45,56 +45,25 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
             node=True,
         ),
     )
-    parser.add_argument("file", type=Path, metavar="BAG", help="MCAP file, or folder of ros2 bag")
-    parser.add_argument(
-        "-r",
-        "--rate",
-        type=in_range(*RATES, "a rate of {:g} .. {:g}".format(*RATES)),
-        default=1.0,
-        metavar="RATIO",
-        help="ratio of robot time to wall time (default: 1)",
-    )
-    parser.add_argument(
-        "--topics", nargs="+", default=[], metavar="TOPIC", help="play only these topics"
-    )
-    parser.add_argument(
-        "--commands",
-        action="store_true",
-        help="also play topics that move a robot: motor commands, modes, operator commands",
-    )
-    parser.add_argument(
-        "--allow-second",
-        action="store_true",
-        help="play although another node publishes on a played topic; the robot's nodes read the "
-        "first one alone",
-    )
-    parser.add_argument("-l", "--loop", action="store_true", help="repeat the playback")
-    parser.add_argument(
-        "--start",
-        "--start-offset",
-        type=seconds,
-        default=0.0,
-        metavar="SECONDS",
-        help="begin this time after the first message",
-    )
-    parser.add_argument(
-        "--duration",
-        "--playback-duration",
-        type=in_range(1e-9, 1e6, "more than 0 s"),
-        metavar="SECONDS",
-        help="length of the played part",
-    )
-    parser.add_argument(
-        "-p", "--start-paused", action="store_true", help="begin on a key or a service's request"
-    )
-    parser.add_argument("--disable-keyboard-controls", action="store_true", help="read no keys")
-    parser.add_argument(
-        "--wait",
-        type=seconds,
-        default=0.0,
-        metavar="SECONDS",
-        help="time-out for subscribers, in s (default: 0)",
-    )
+    parser.value("file", "BAG", "MCAP file, or folder of ros2 bag", Path)
+    rate = in_range(*RATES, "a rate of {:g} .. {:g}".format(*RATES))
+    about = "ratio of robot time to wall time (default: 1)"
+    parser.value("-r --rate", "RATIO", about, rate, default=1.0)
+    parser.value("--topics", "TOPIC", "play only these topics", nargs="+", default=[])
+    about = "also play topics that move a robot: motor commands, modes, operator commands"
+    parser.flag("--commands", about)
+    about = "play although another node publishes on a played topic; the robot's nodes read the "
+    parser.flag("--allow-second", f"{about}first one alone")
+    parser.flag("-l --loop", "repeat the playback")
+    about = "begin this time after the first message"
+    parser.value("--start --start-offset", "SECONDS", about, seconds, default=0.0)
+    duration = in_range(1e-9, 1e6, "more than 0 s")
+    about = "length of the played part"
+    parser.value("--duration --playback-duration", "SECONDS", about, duration)
+    parser.flag("-p --start-paused", "begin on a key or a service's request")
+    parser.flag("--disable-keyboard-controls", "read no keys")
+    about = "time-out for subscribers, in s (default: 0)"
+    parser.value("--wait", "SECONDS", about, seconds, default=0.0)
     return parser.parse_args(words)
 
 

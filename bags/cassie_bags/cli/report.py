@@ -7,19 +7,11 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cassie_bags.cli.arguments import add_bag, add_output
-from cassie_bags.cli.frame import (
-    NOT_AS_EXPECTED,
-    OK,
-    CommandParser,
-    command,
-    exit_codes,
-    labels,
-    new_file,
-)
+from cassie_bags.cli.arguments import CommandParser
+from cassie_bags.cli.frame import NOT_AS_EXPECTED, OK, command, exit_codes, labels, new_file
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="report",
         description="Make one page about recorded runs, of experiments or drives by hand: "
@@ -27,10 +19,10 @@ def _parser() -> argparse.ArgumentParser:
         "images and a video. Up to three bags stand side by side.",
         epilog=exit_codes("done", "an experiment was not as expected", runs=False),
     )
-    add_bag(parser, "bags", nargs="+")
+    parser.bag("bags", nargs="+")
     default = Path("report.html")
-    add_output(parser, "FILE.html", f"the page (default: {default})", _page, default)
-    parser.add_argument("--no-video", action="store_true", help="make no video")
+    parser.output("FILE.html", f"the page (default: {default})", _page, default)
+    parser.flag("--no-video", "make no video")
     return parser
 
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import add_jobs, add_number, add_results, add_seed
-from cassie_bags.cli.frame import CommandParser, command, exit_codes, study
+from cassie_bags.cli.arguments import CommandParser
+from cassie_bags.cli.frame import command, exit_codes, study
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="return_map",
         description="Push Cassie gently while it walks and compare each touchdown with that of "
@@ -23,24 +22,16 @@ def _parser() -> argparse.ArgumentParser:
             "this is not so of one",
         ),
     )
-    add = parser.add_argument
     library = "gait library: a file, optimized (default) or dense"
-    add("file", nargs="?", metavar="FILE", help=library)
-    add(
-        "--speeds",
-        nargs="+",
-        type=float,
-        metavar="V",
-        help="m/s (default: those of the library's gaits)",
-    )
-    add_seed(parser, 0)
-    add_number(parser, "--impulse", float, 4.0, "impulse of each push, in N s", "NS")
-    add_jobs(parser)
-    add(
-        "--out", type=Path, metavar="FOLDER", help="draw the decay into this folder: return_map.png"
-    )
-    add_results(parser, "all speeds of the package's library")
-    add("--allow-uncertified", action="store_true", help="allow a library without certificates")
+    parser.value("file", "FILE", library, nargs="?")
+    speeds = "m/s (default: those of the library's gaits)"
+    parser.value("--speeds", "V", speeds, float, nargs="+")
+    parser.seed(0)
+    parser.number("--impulse", float, 4.0, "impulse of each push, in N s", "NS")
+    parser.jobs()
+    parser.value("--out", "FOLDER", "draw the decay into this folder: return_map.png", Path)
+    parser.results("all speeds of the package's library")
+    parser.flag("--allow-uncertified", "allow a library without certificates")
     return parser
 
 

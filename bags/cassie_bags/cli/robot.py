@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from cassie_bags.cli.arguments import one_of
-from cassie_bags.cli.frame import CommandParser
+from cassie_bags.cli.arguments import CommandParser, one_of
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -26,7 +24,7 @@ def _scene(word: str) -> str:
     return str(one_of(SCENES, "scene")(word))
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="robot",
         description="Start simulator, state_estimator, gait_controller and mode_supervisor, say "
@@ -36,39 +34,22 @@ def _parser() -> argparse.ArgumentParser:
         "simulator --help`. Exit codes: 0 ended by Ctrl-C, 1 a node ended by itself, 2 wrong "
         "arguments.",
     )
-    parser.add_argument(
-        "--scene",
-        type=_scene,
-        metavar="NAME",
-        help="scene of the simulator, such as grass, slope or segway (default flat)",
-    )
-    parser.add_argument("--view", action="store_true", help="show the simulator's window")
-    parser.add_argument("--console", action="store_true", help="start the browser page web_console")
-    parser.add_argument(
+    scene = "scene of the simulator, such as grass, slope or segway (default flat)"
+    parser.value("--scene", "NAME", scene, _scene)
+    parser.flag("--view", "show the simulator's window")
+    parser.flag("--console", "start the browser page web_console")
+    parser.value(
         "--pad",
-        metavar="NAME",
-        help="start joystick and rc_teleop for a pad of this computer, by its device file: xbox, "
+        "NAME",
+        "start joystick and rc_teleop for a pad of this computer, by its device file: xbox, "
         "ps4, ps5, gamepad, taranis_qx7 or a path",
     )
-    parser.add_argument(
-        "--realtime",
-        action="store_true",
-        help="pace by the wall clock, as on a robot; otherwise robot time waits for every node",
-    )
-    parser.add_argument(
-        "--stack", action="store_true", help="run estimator and controller in one process, faster"
-    )
-    parser.add_argument(
-        "-p",
-        dest="parameter",
-        action="append",
-        default=[],
-        metavar="NODE:NAME:=VALUE",
-        help="parameter of a node, such as simulator:max_rate:=1.0",
-    )
-    parser.add_argument(
-        "--logs", type=Path, metavar="FOLDER", help="folder for the nodes' output (~/.ros/log/...)"
-    )
+    pace = "pace by the wall clock, as on a robot; otherwise robot time waits for every node"
+    parser.flag("--realtime", pace)
+    parser.flag("--stack", "run estimator and controller in one process, faster")
+    parameter = "parameter of a node, such as simulator:max_rate:=1.0"
+    parser.value("-p", "NODE:NAME:=VALUE", parameter, dest="parameter", action="append", default=[])
+    parser.value("--logs", "FOLDER", "folder for the nodes' output (~/.ros/log/...)", Path)
     return parser
 
 

@@ -6,12 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from cassie_bags.cli.arguments import picture
+from cassie_bags.cli.arguments import CommandParser, picture
 from cassie_bags.cli.frame import (
     NOT_AS_EXPECTED,
     OK,
     WRONG_INPUT,
-    CommandParser,
     command,
     exit_codes,
     new_file,
@@ -69,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return OK if verification.holds or other else NOT_AS_EXPECTED
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> CommandParser:
     parser = CommandParser(
         prog="replay --verify",
         description="Feed a bag's samples, operator commands and parameters through estimator, "
@@ -77,30 +76,21 @@ def _parser() -> argparse.ArgumentParser:
         "motor commands with the recorded ones, to the last bit.",
         epilog=exit_codes("identical", "not"),
     )
-    parser.add_argument("file", type=Path, metavar="BAG", help="MCAP file, or folder of ros2 bag")
-    parser.add_argument("--verify", action="store_true", help=argparse.SUPPRESS)
-    parser.add_argument(
+    parser.value("file", "BAG", "MCAP file, or folder of ros2 bag", Path)
+    parser.flag("--verify", argparse.SUPPRESS)
+    parser.value(
         "--with",
+        "KEY=VALUE",
+        "draw what another parameter would have given on the same data: "
+        "controller.walk.joints.kp_knee=500, estimator.…, supervisor.…; or @file.yaml",
         dest="changes",
         action="append",
         default=[],
-        metavar="KEY=VALUE",
-        help="draw what another parameter would have given on the same data: "
-        "controller.walk.joints.kp_knee=500, estimator.…, supervisor.…; or @file.yaml",
     )
-    parser.add_argument(
-        "--gaits",
-        type=Path,
-        metavar="FILE",
-        help="draw what another gait library would have given on the same data",
-    )
-    parser.add_argument(
-        "--plot",
-        type=picture,
-        metavar="FILE",
-        help="draw a picture, .png, .svg or .pdf; --with and --gaits draw one in any case "
-        f"(default: {_PICTURE})",
-    )
+    gaits = "draw what another gait library would have given on the same data"
+    parser.value("--gaits", "FILE", gaits, Path)
+    plot = "draw a picture, .png, .svg or .pdf; --with and --gaits draw one in any case "
+    parser.value("--plot", "FILE", f"{plot}(default: {_PICTURE})", picture)
     return parser
 
 
