@@ -14,12 +14,8 @@ pytest.importorskip("rclpy")
 
 from cassie_bags.errors import RunError
 from cassie_bags.ros import bench
-from cassie_bags.ros.bench_executor import once
-from cassie_bags.ros.bench_parts import EXPERIMENT, PARTS
+from cassie_bags.ros.bench_parts import PARTS
 from cassie_bags.ros.processes import executable
-from cassie_bags.run.cores import make_cores
-from cassie_bags.run.experiment import parse_experiment
-from cassie_bags.run.seed import resolve
 
 FIGURES = {
     "five processes": 3,
@@ -51,7 +47,6 @@ def test_what_was_measured_is_kept_if_a_part_fails(tmp_path, monkeypatch, capsys
         return {part: robot_s}
 
     monkeypatch.setattr(bench, "measure_apart", measure)
-    monkeypatch.setattr(bench.signal, "signal", lambda *_: None)
     out = tmp_path / "bench.json"
     words = ["--out", str(out), "--repetitions", "1", "--seconds", "12"]
     monkeypatch.setattr(sys, "argv", ["bench", *words])
@@ -87,18 +82,6 @@ def test_a_part_that_hangs_leaves_its_stacks(monkeypatch, capsys):
     with pytest.raises(RunError, match="one process takes more than 10 s"):
         bench.measure_apart("one process", 360.0)
     assert "in _one_process" in capsys.readouterr().err
-
-
-def test_a_sample_that_is_sent_again_is_answered_again_but_not_estimated_twice():
-    experiment = resolve(parse_experiment(EXPERIMENT, "bench"))
-    estimator = make_cores(experiment).estimator
-    plant = make_cores(experiment).plant
-    answer = once(estimator.step)
-    sample = plant.sense()
-    first = answer(sample).q.copy()
-    for _ in range(50):  # a monitor that took them for new samples would find everything stuck
-        assert (answer(sample).q == first).all()
-    assert not estimator.faults
 
 
 @pytest.mark.parametrize(

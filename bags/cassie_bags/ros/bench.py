@@ -17,13 +17,12 @@ import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from cassie_bags.cli.arguments import positive, seconds
+from cassie_bags.cli.frame import OK, command
 from cassie_bags.errors import RunError
 from cassie_bags.ros.bench_parts import PARTS
 from cassie_bags.ros.processes import Processes
-from cassie_msgs.processes import STOPPED, interrupt
 
 TARGETS = {
     "rtf_five_processes_500hz": (4.5, "at least"),
@@ -50,39 +49,40 @@ _CHECK_PERIOD = 0.05  # s between two checks of a part
 _PRINTS = 1.0  # s for a part to print where it hangs
 
 
-def main() -> int:
-    """Measure, print and write."""
-    parser = argparse.ArgumentParser(prog="python -m cassie_bags.ros.bench", description=__doc__)
+def _parser() -> argparse.ArgumentParser:
+    usage = "python -m cassie_bags.ros.bench [OPTION …]"
+    parser = argparse.ArgumentParser(prog="bench", usage=usage, description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/bench.json"))
     parser.add_argument("--repetitions", type=positive, default=3)
     parser.add_argument("--seconds", type=seconds, default=30.0, help="robot time of a run")
-    arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, interrupt)
+    return parser
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    """Measure, print and write."""
+    arguments.out.parent.mkdir(parents=True, exist_ok=True)
     failures: list[str] = []
-    try:
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        results = [_measure(arguments.seconds, n, failures) for n in range(arguments.repetitions)]
-    except KeyboardInterrupt:
-        print("bench: stopped", file=sys.stderr)
-        return STOPPED
-    except OSError as error:
-        print(f"bench: error: {error}", file=sys.stderr)
-        return 2
-    figures = _by_name(results)
-    medians = {name: statistics.median(values) for name, values in figures.items()}
+    results = [_measure(arguments.seconds, n, failures) for n in range(arguments.repetitions)]
+    names = dict.fromkeys(name for result in results for name in result)
+    figures = {name: [result[name] for result in results if name in result] for name in names}
     content = {
-        **medians,
+        **{name: statistics.median(values) for name, values in figures.items()},
         "failures": failures,
         "repetitions": results,
-        "machine": _machine(),
+        "machine": {
+            "cores": len(os.sched_getaffinity(0)),
+            "load": os.getloadavg()[0],
+            "machine": platform.machine(),
+            "python": platform.python_version(),
+        },
         "robot_s": arguments.seconds,
     }
     arguments.out.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     print(_table(figures, len(results)))
     print(f"written to {arguments.out}")
     if failures:
-        print(f"bench: error: not measured: {'; '.join(failures)}", file=sys.stderr)
-    return 3 if failures else 0
+        raise RunError(f"not measured: {'; '.join(failures)}")
+    return OK
 
 
 def _measure(robot_s: float, number: int, failures: list[str]) -> dict[str, float]:
@@ -132,21 +132,6 @@ def measure_apart(part: str, robot_s: float) -> dict[str, float]:
     return figures
 
 
-def _by_name(results: list[dict[str, float]]) -> dict[str, list[float]]:
-    """Values of each figure in the repetitions that have it."""
-    names = dict.fromkeys(name for result in results for name in result)
-    return {name: [result[name] for result in results if name in result] for name in names}
-
-
-def _machine() -> dict[str, Any]:
-    return {
-        "cores": len(os.sched_getaffinity(0)),
-        "load": os.getloadavg()[0],
-        "machine": platform.machine(),
-        "python": platform.python_version(),
-    }
-
-
 def _table(figures: Mapping[str, list[float]], repetitions: int) -> str:
     lines = [f"{'median of ' + str(repetitions):38}{'value':>10}{'least':>10}{'most':>10}  target"]
     for name, values in figures.items():
@@ -158,6 +143,8 @@ def _table(figures: Mapping[str, list[float]], repetitions: int) -> str:
     lines.append(f"{len(os.sched_getaffinity(0))} cores, load {load:.1f} over the last minute")
     return "\n".join(lines)
 
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -20,20 +20,21 @@ import rclpy
 from nav_msgs.msg import Odometry
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC
 from cassie_bags.run.cores import Cores, make_cores, tick_count
 from cassie_bags.run.experiment import load_experiment
 from cassie_bags.run.seed import resolve
 from cassie_control.schedule import ModeTable
 from cassie_msgs import msg
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sample, Sensors
-from cassie_msgs.schedule import PERIOD_TICKS, REPEAT_PERIOD, period_of
+from cassie_msgs.schedule import PERIOD_TICKS, period_of
+from cassie_sim import ground_truth
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
-_QOS = QoSProfile(depth=100)
+# Latched: the first samples wait until each node has been discovered.
+_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def to_message(sample: Sample) -> Any:
@@ -55,40 +56,16 @@ def to_sample(message: Any, sample: Sample) -> None:
         getattr(sample, name)[...] = getattr(message, name)
 
 
-def copied(sample: SampleT) -> SampleT:
-    """A copy of a sample."""
-    copy = type(sample)()
-    copy.copy_from(sample)
-    return copy
-
-
-def once(step: Callable[..., SampleT]) -> Callable[..., SampleT]:
-    """A step that runs once for each sample; a repeated sample gets the same answer again."""
-    last: list[tuple[tuple[int, int], SampleT]] = []
-
-    def answer(sample: Sample, *others: Sample) -> SampleT:
-        key = int(sample.episode), int(sample.seq)
-        if not last or last[0][0] != key:
-            last[:] = [(key, step(sample, *others))]
-        return last[0][1]
-
-    return answer
-
-
 class LoopNode(Node):
-    """A node with one core."""
+    """A node that sends and takes samples as message objects."""
 
-    def __init__(self, name: str, cores: Cores) -> None:
-        super().__init__(name)
-        self.cores = cores
-
-    def sends(self, kind: type[Sample]) -> Callable[[Sample], None]:
+    def sender(self, kind: type[SampleT]) -> Callable[[SampleT], None]:
         """A function that publishes samples of a type."""
         publisher = self.create_publisher(getattr(msg, kind.__name__), kind.TOPIC, _QOS)
         return lambda sample: publisher.publish(to_message(sample))
 
-    def takes(self, kind: type[Sample], callback: Callable[[Any], None]) -> None:
-        """Call `callback` with each sample of a type."""
+    def take(self, kind: type[SampleT], callback: Callable[[SampleT], None]) -> None:
+        """Call `callback` with each sample of a type; the sample is written again after it."""
         sample = kind()
 
         def receive(message: Any) -> None:
@@ -98,162 +75,119 @@ class LoopNode(Node):
         self.create_subscription(getattr(msg, kind.__name__), kind.TOPIC, receive, _QOS)
 
 
-class Estimator(LoopNode):
-    """Computes the state from the sensors."""
-
-    def __init__(self, cores: Cores) -> None:
-        super().__init__("state_estimator", cores)
-        send, answer = self.sends(RobotState), once(cores.estimator.step)
-        self.takes(Sensors, lambda sensors: send(answer(sensors)))
+def estimate(node: LoopNode, cores: Cores) -> None:
+    """Answer every sensor sample by a state."""
+    send = node.sender(RobotState)
+    node.take(Sensors, lambda sensors: send(cores.estimator.step(sensors)))
 
 
-class Operator(LoopNode):
-    """Answers every 10th state by an operator command."""
+def operate(node: LoopNode, cores: Cores) -> None:
+    """Answer the first state of each period by an operator command."""
+    send = node.sender(OperatorCommand)
 
-    def __init__(self, cores: Cores) -> None:
-        super().__init__("scripted_operator", cores)
-        self._send = self.sends(OperatorCommand)
-        self._operate = once(cores.operator.answer)
-        self.takes(RobotState, self._answer)
-
-    def _answer(self, state: RobotState) -> None:
+    def answer(state: RobotState) -> None:
         if int(state.seq) % PERIOD_TICKS == 0:
-            self._send(self._operate(state))
+            send(cores.operator.answer(state))
+
+    node.take(RobotState, answer)
 
 
-class Supervisor(LoopNode):
-    """Answers every 10th state, and the operator's answer to it, by a mode.
+def supervise(node: LoopNode, cores: Cores) -> None:
+    """Answer the first state of each period, and the operator's answer to it, by a mode.
 
     The loop runs on for a period before it waits, so that two of each may be queued at once.
     """
+    send = node.sender(Mode)
+    states: dict[int, RobotState] = {}
+    commands: dict[int, OperatorCommand] = {}
 
-    def __init__(self, cores: Cores) -> None:
-        super().__init__("mode_supervisor", cores)
-        self._send = self.sends(Mode)
-        self._states: dict[int, RobotState] = {}
-        self._commands: dict[int, OperatorCommand] = {}
-        self._supervise = once(cores.supervisor.step)
-        self.takes(RobotState, self._take_state)
-        self.takes(OperatorCommand, self._take_operator)
+    def keep(sample: SampleT, samples: dict[int, SampleT]) -> None:
+        if int(sample.seq) % PERIOD_TICKS == 0:
+            copy = samples[int(sample.seq)] = type(sample)()
+            copy.copy_from(sample)
+        for seq in sorted(states.keys() & commands.keys()):
+            send(cores.supervisor.step(states.pop(seq), commands.pop(seq)))
 
-    def _take_state(self, state: RobotState) -> None:
-        if int(state.seq) % PERIOD_TICKS == 0:
-            self._states[int(state.seq)] = copied(state)
-            self._answer()
-
-    def _take_operator(self, command: OperatorCommand) -> None:
-        self._commands[int(command.seq)] = copied(command)
-        self._answer()
-
-    def _answer(self) -> None:
-        for seq in sorted(self._states.keys() & self._commands.keys()):
-            self._send(self._supervise(self._states.pop(seq), self._commands.pop(seq)))
+    node.take(RobotState, lambda state: keep(state, states))
+    node.take(OperatorCommand, lambda command: keep(command, commands))
 
 
-class Controller(LoopNode):
-    """Computes a motor command from state and mode."""
+def control(node: LoopNode, cores: Cores) -> None:
+    """Answer every state by a motor command, once the mode made for its tick has arrived."""
+    send = node.sender(MotorCommand)
+    modes, waiting = ModeTable(), list[RobotState]()
 
-    def __init__(self, cores: Cores) -> None:
-        super().__init__("gait_controller", cores)
-        self._send = self.sends(MotorCommand)
-        self._modes = ModeTable()
-        self._state = RobotState()
-        self._done = -1
-        self._command = MotorCommand()
-        self.takes(RobotState, self._take_state)
-        self.takes(Mode, self._take_mode)
+    def answer() -> None:
+        if waiting and modes.may_begin(seq := int(waiting[0].seq)):
+            mode = modes.at(seq)
+            assert mode is not None
+            send(cores.controller.step(waiting.pop(), mode))
 
-    def _take_state(self, state: RobotState) -> None:
-        self._state.copy_from(state)
-        if int(state.seq) == self._done:
-            self._send(self._command)  # the command was lost
-        self._answer()
+    def take_state(state: RobotState) -> None:
+        waiting[:] = [state]
+        answer()
 
-    def _take_mode(self, mode: Mode) -> None:
-        self._modes.add(mode)
-        self._answer()
+    def take_mode(mode: Mode) -> None:
+        modes.add(mode)
+        answer()
 
-    def _answer(self) -> None:
-        seq = int(self._state.seq)
-        mode = self._modes.at(seq)
-        if seq > self._done and mode is not None and self._modes.may_begin(seq):
-            self._done = seq
-            self._command = self.cores.controller.step(self._state, mode)
-            self._send(self._command)
+    node.take(RobotState, take_state)
+    node.take(Mode, take_mode)
 
 
-class Simulator(LoopNode):
-    """Computes the next sensors from a motor command, tick after tick."""
+def simulate(node: LoopNode, cores: Cores, ticks: int, times: list[float]) -> None:
+    """Answer every motor command by the next sensor sample, up to a number of ticks.
 
-    def __init__(self, cores: Cores, ticks: int) -> None:
-        super().__init__("simulator", cores)
-        self._ticks = ticks
-        self._send = self.sends(Sensors)
-        self._truth = self.create_publisher(Odometry, GROUND_TRUTH_TOPIC, _QOS)
-        self._power = {0: False}
-        self.times: list[float] = []
-        self.takes(MotorCommand, self._advance)
-        self.takes(OperatorCommand, self._take_operator)
-        self._timer = self.create_timer(REPEAT_PERIOD, self._repeat)
-        self._looked_at = -1
+    Args:
+        node, cores: The node, and the cores of the experiment.
+        ticks: Number of ticks, after which the process ends.
+        times: Gets the wall time of each tick. In s.
+    """
+    plant, truth, power = cores.plant, ground_truth.GroundTruth(), {0: False}
+    send = node.sender(Sensors)
+    true_pose = node.create_publisher(Odometry, ground_truth.TOPIC, _QOS)
 
-    def _repeat(self) -> None:
-        """Send a sample again if no node has answered it since the last check."""
-        plant = self.cores.plant
-        if plant.seq == self._looked_at or not plant.seq:
-            self._send(plant.sense())
-        self._looked_at = plant.seq
+    def take_operator(operator: OperatorCommand) -> None:
+        power[int(operator.effective_seq)] = bool(operator.power)
 
-    def _take_operator(self, operator: OperatorCommand) -> None:
-        self._power[int(operator.effective_seq)] = bool(operator.power)
-
-    def _advance(self, command: MotorCommand) -> None:
-        plant = self.cores.plant
-        if int(command.seq) != plant.seq:
-            return
-        plant.power(self._power.get(period_of(plant.seq), False))
+    def advance(command: MotorCommand) -> None:
+        plant.power(power.get(period_of(plant.seq), False))
         plant.step(command)
-        self.times.append(time.perf_counter())
-        if plant.seq >= self._ticks:
+        times.append(time.perf_counter())
+        if plant.seq >= ticks:
             raise SystemExit
-        self._send(plant.sense())
-        self._publish_truth()
+        send(plant.sense())
+        true_pose.publish(truth.write(plant))
 
-    def _publish_truth(self) -> None:
-        plant, message = self.cores.plant, Odometry(child_frame_id="base_link")
-        message.header.frame_id = "odom"
-        stamp = message.header.stamp
-        stamp.sec, stamp.nanosec = divmod(plant.seq * plant.tick_ns, 1_000_000_000)
-        point, turn = message.pose.pose.position, message.pose.pose.orientation
-        position, quaternion = plant.pelvis_pose
-        point.x, point.y, point.z = position.tolist()
-        turn.w, turn.x, turn.y, turn.z = quaternion.tolist()
-        linear, angular = message.twist.twist.linear, message.twist.twist.angular
-        linear.x, linear.y, linear.z, angular.x, angular.y, angular.z = plant.pelvis_twist.tolist()
-        self._truth.publish(message)
+    node.take(MotorCommand, advance)
+    node.take(OperatorCommand, take_operator)
+    send(plant.sense())
 
 
 def main() -> None:
     """Run one node."""
-    name, file, times = sys.argv[1:4]
+    name, file, target = sys.argv[1:4]
     experiment = resolve(load_experiment(Path(file)))
     cores = make_cores(experiment)
     rclpy.init()
-    nodes: dict[str, Callable[[], LoopNode]] = {
-        "state_estimator": lambda: Estimator(cores),
-        "scripted_operator": lambda: Operator(cores),
-        "mode_supervisor": lambda: Supervisor(cores),
-        "gait_controller": lambda: Controller(cores),
-        "simulator": lambda: Simulator(cores, tick_count(experiment)),
-    }
-    node = nodes[name]()
+    node = LoopNode(name)
+    times: list[float] = []
     try:
+        if name == "simulator":
+            simulate(node, cores, tick_count(experiment), times)
+        else:
+            {
+                "state_estimator": estimate,
+                "scripted_operator": operate,
+                "mode_supervisor": supervise,
+                "gait_controller": control,
+            }[name](node, cores)
         rclpy.spin(node)
     except (KeyboardInterrupt, ExternalShutdownException, SystemExit):
         pass
     finally:
-        if isinstance(node, Simulator):
-            np.savez(Path(times), sent=node.times)
+        if times:
+            np.savez(Path(target), sent=times)
         node.destroy_node()
         rclpy.try_shutdown()
 

@@ -17,7 +17,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ import numpy.typing as npt
 from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import RunError
 from cassie_bags.ros.bench_operator import operated
+from cassie_bags.ros.command_node import simulator_client
+from cassie_bags.ros.dds_run import NODES, START_TIMEOUT, start_nodes, watch
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.run.cores import connect, make_cores, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
@@ -47,7 +50,7 @@ simulator: {control_rate: 500, pacing: lockstep}
 """
 
 _SETTLE = 1.0  # s of robot time at the start that are not measured
-_TIMEOUT = 120.0  # s of wall time for one run
+_TIMES = "times.npz"  # file of a simulator
 
 
 def main(words: list[str]) -> int:
@@ -60,7 +63,7 @@ def main(words: list[str]) -> int:
     try:
         figures = PARTS[part](resolve(parse_experiment(text, "bench")))
         Path(file).write_text(json.dumps(figures), encoding="utf-8")
-    except (RunError, TimeoutError) as error:
+    except RunError as error:
         print(error, file=sys.stderr)
         code = 3
     except KeyboardInterrupt:
@@ -69,20 +72,14 @@ def main(words: list[str]) -> int:
     return code
 
 
-def _over_dds(
-    experiment: Experiment, *, stack: bool = False, record: bool = False
-) -> Mapping[str, npt.NDArray[Any]]:
-    """Run the installed nodes with a timed simulator; returns the times that it recorded."""
-    from cassie_bags.ros.command_node import simulator_client
-    from cassie_bags.ros.dds_run import START_TIMEOUT, start_nodes, watch
+Times = Mapping[str, npt.NDArray[Any]]
+"""What a simulator recorded, by name: see `bench_simulator` and `bench_executor`."""
 
-    def run_nodes(folder: Path, processes: Processes, domain: int) -> None:
-        program: list[str | Path] = [
-            sys.executable,
-            "-m",
-            "cassie_bags.ros.bench_simulator",
-            folder / "times.npz",
-        ]
+
+def _over_dds(experiment: Experiment, *, stack: bool = False, record: bool = False) -> Times:
+    """Run the installed nodes with a timed simulator."""
+    with _nodes() as (folder, processes, domain):
+        program = _module("bench_simulator", folder / _TIMES)
         if record:
             recorder = executable("cassie_bags", "record")
             processes.start("record", [recorder, "-o", folder / "bag.mcap"])
@@ -91,8 +88,23 @@ def _over_dds(
             simulator.resume(START_TIMEOUT)
             watch(experiment, processes, simulator)
             processes.stop()
+        return dict(np.load(folder / _TIMES))
 
-    return _timed(run_nodes)
+
+def _module(name: str, *words: str | Path) -> list[str | Path]:
+    """Command that runs a module beside this one."""
+    return [sys.executable, "-m", f"cassie_bags.ros.{name}", *words]
+
+
+@contextmanager
+def _nodes() -> Iterator[tuple[Path, Processes, int]]:
+    """A folder, the processes of a run, and its domain, which no other run uses."""
+    with (
+        tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
+        own_domain() as domain,
+        Processes(environment(domain), Path(name) / "log") as processes,
+    ):
+        yield Path(name), processes, domain
 
 
 def _five_processes(experiment: Experiment) -> dict[str, float]:
@@ -179,22 +191,15 @@ def _with(experiment: Experiment, **simulator: Any) -> Experiment:
 
 def _default_executor(experiment: Experiment) -> dict[str, float]:
     """Five processes with message objects and `rclpy.spin`."""
-    from cassie_bags.ros.dds_run import NODES
-
-    def run_nodes(folder: Path, processes: Processes, _: int) -> None:
+    with _nodes() as (folder, processes, _):
         file = folder / "experiment.yaml"
         write_resolved(experiment, file)
         for name in NODES:
-            module = "cassie_bags.ros.bench_executor"
-            processes.start(name, [sys.executable, "-m", module, name, file, folder / "times.npz"])
-        deadline = time.monotonic() + _TIMEOUT
+            processes.start(name, _module("bench_executor", name, file, folder / _TIMES))
         while processes.running("simulator"):
             processes.check("simulator")
-            if time.monotonic() > deadline:
-                raise TimeoutError(f"the default executor takes more than {_TIMEOUT:g} s")
             time.sleep(0.05)
-
-    sent = _timed(run_nodes)["sent"]
+        sent = np.load(folder / _TIMES)["sent"]
     return {"rtf_default_executor_500hz": _factor(experiment, sent)}
 
 
@@ -238,19 +243,6 @@ class _Timed:
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._core, name)
-
-
-def _timed(run_nodes: Callable[[Path, Processes, int], None]) -> Mapping[str, npt.NDArray[Any]]:
-    """Play a run in a folder and domain of its own; returns the times from its simulator."""
-    with (
-        tempfile.TemporaryDirectory(prefix="cassie_bench_") as name,
-        own_domain() as domain,
-        Processes(environment(domain), Path(name) / "log") as processes,
-    ):
-        folder = Path(name)
-        run_nodes(folder, processes, domain)
-        with np.load(folder / "times.npz") as times:
-            return dict(times)
 
 
 def _settled(experiment: Experiment) -> int:
