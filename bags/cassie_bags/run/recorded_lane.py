@@ -14,6 +14,7 @@ import numpy as np
 from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, RecordedEvent, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import lane_rows, sample_bytes
+from cassie_bags.bag.rows import Rows
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
 from cassie_bags.run.cores import library_path, simulator_config
@@ -109,42 +110,33 @@ class RecordedLane:
             events.sort(key=lambda event: (event.episode, event.seq))
         self.has_events = has_events
         self.samples = self._by_key(Sensors.TOPIC)
-        self._states = self._versions(RobotState.TOPIC)
+        self._states: dict[Key, list[Recorded]] = {}
+        for each in self.rows[RobotState.TOPIC]:
+            self._states.setdefault(key_of(each.raw), []).append(each)
         self.in_force = self._by_key(IN_FORCE_TOPIC)
-        self.scripted = {
-            key: raw for key, raw in self._by_key(OperatorCommand.TOPIC).items() if _scripted(raw)
-        }
+        commands = self._by_key(OperatorCommand.TOPIC).items()
+        self.scripted = {key: raw for key, raw in commands if _scripted(raw)}
         self.modes = self._by_effective_seq(Mode)
         self.gaits = self._by_effective_seq(Gait)
 
     def _leave_out_strays(self) -> None:
         """Leave out messages of other publishers: the nodes ignored these messages, too."""
-        rows = {
-            topic: lane_rows(_KINDS[topic], [each.raw for each in recorded])
-            for topic, recorded in self.rows.items()
-        }
+        rows = {topic: self._array(topic) for topic in self.rows}
         for topic, flags in of_the_run(rows, {}).items():
             self.rows[topic] = list(compress(self.rows[topic], flags.tolist()))
 
-    def _by_key(self, topic: str) -> dict[Key, bytes]:
-        messages: dict[Key, bytes] = {}
-        for raw, *_ in self.rows[topic]:
-            messages.setdefault(key_of(raw), raw)
-        return messages
+    def _array(self, topic: str) -> Rows:
+        return lane_rows(_KINDS[topic], [each.raw for each in self.rows[topic]])
 
-    def _versions(self, topic: str) -> dict[Key, list[Recorded]]:
-        messages: dict[Key, list[Recorded]] = {}
-        for each in self.rows[topic]:
-            messages.setdefault(key_of(each.raw), []).append(each)
-        return messages
+    def _by_key(self, topic: str) -> dict[Key, bytes]:
+        """The first message of each tick."""
+        return {key_of(raw): raw for raw, *_ in reversed(self.rows[topic])}
 
     def _by_effective_seq(self, kind: type[Mode] | type[Gait]) -> dict[Key, bytes]:
-        messages: dict[Key, bytes] = {}
-        message = kind()
-        for raw, *_ in self.rows[kind.TOPIC]:
-            message.load(raw)
-            messages[int(message.episode), int(message.effective_seq)] = raw
-        return messages
+        """The last message for each tick from which on one holds."""
+        rows = self._array(kind.TOPIC)
+        keys = zip(rows["episode"].tolist(), rows["effective_seq"].tolist(), strict=True)
+        return {key: each.raw for key, each in zip(keys, self.rows[kind.TOPIC], strict=True)}
 
     def state(self, key: Key, answered: int) -> bytes:
         """The state of a tick that a node answered.

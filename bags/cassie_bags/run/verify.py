@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -69,7 +69,7 @@ from cassie_msgs.layout import (
 from cassie_msgs.schedule import PERIOD_TICKS, period_of
 from cassie_msgs.tunables import from_mapping, names, replace_checked, unknown_name
 
-ConfigT = TypeVar("ConfigT")
+GuardedT = TypeVar("GuardedT", GuardedEstimator, GuardedSupervisor, GuardedController)
 
 START, TOLERANCE = 5.0, 1e-9
 """Comparison where bits may differ: the first so many s, to this difference in SI units."""
@@ -187,7 +187,7 @@ def verify(
     return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
 
 
-class _Core(ABC):
+class _Core(ABC, Generic[GuardedT]):
     """A core with the inputs of its node.
 
     Args:
@@ -197,45 +197,45 @@ class _Core(ABC):
         gaits: Gait library in place of the recorded one.
 
     Attributes:
-        NODE, KIND: Name of the node, and type of its messages.
+        NODE, KIND, CONFIG: Name of the node, type of its messages, and parameters of its core.
+
+    Raises:
+        ExperimentError: if the core does not have one of the overrides.
     """
 
     NODE: ClassVar[str]
     KIND: ClassVar[type[Sample]]
+    CONFIG: ClassVar[type[Any]]
+    _core: Any
 
     def __init__(
         self, lane: RecordedLane, setting: Setting, overrides: Mapping[str, Any], gaits: Path | None
     ) -> None:
-        self.lane, self.overrides = lane, overrides
-        self.files, self.gaits = setting.files, gaits
-        self.parameters = {**setting.parameters, **overrides}
-        self.period = 1.0 / float(self.parameters["control_rate"])
-        self.build()
+        self._lane, self._overrides, self._gaits = lane, overrides, gaits
+        self._files, self._parameters = setting.files, {**setting.parameters, **overrides}
+        self._period = 1.0 / float(self._parameters["control_rate"])
+        known = set(names(self.CONFIG))
+        for name in overrides.keys() - known:
+            raise ExperimentError(unknown_name(name, sorted(known), "parameter"))
+        of_core = {name: self._parameters[name] for name in self._parameters.keys() & known}
+        self._config = from_mapping(self.CONFIG, of_core)
+        self._guarded: GuardedT = self._build()
+        self._guarded.reset()
 
     @abstractmethod
-    def build(self) -> None:
-        """Make the core."""
+    def _build(self) -> GuardedT:
+        """Make `_core`; returns it guarded."""
 
-    @abstractmethod
-    def configure(self, changes: Mapping[str, Any]) -> None:
-        """Apply parameters that were changed while the node ran."""
+    def _configure(self) -> None:
+        """Use the present parameters."""
+        self._core.config = self._config
 
     def apply(self, event: RecordedEvent) -> None:
         """Apply an event of the node."""
         if event.event == "parameters":
-            changes = {k: v for k, v in event.content.items() if k not in self.overrides}
-            self.configure(changes)
-
-    def config(self, cls: type[ConfigT]) -> ConfigT:
-        """The parameters of the core, without those of its node.
-
-        Raises:
-            ExperimentError: if the core does not have one of the overrides.
-        """
-        known = set(names(cls))
-        for name in self.overrides.keys() - known:
-            raise ExperimentError(unknown_name(name, sorted(known), "parameter"))
-        return from_mapping(cls, {k: v for k, v in self.parameters.items() if k in known})
+            changes = {k: v for k, v in event.content.items() if k not in self._overrides}
+            self._config = replace_checked(self._config, **changes)
+            self._configure()
 
     @abstractmethod
     def answer(self, key: Key, received: int) -> Sample:
@@ -259,37 +259,27 @@ class _Core(ABC):
             self.answer((episode, tick), _LAST)
 
 
-class _Estimator(_Core):
-    NODE, KIND = "state_estimator", RobotState
+class _Estimator(_Core[GuardedEstimator]):
+    NODE, KIND, CONFIG = "state_estimator", RobotState, EstimatorConfig
 
-    def build(self) -> None:
-        self._config = self.config(EstimatorConfig)
-        self._core = make_monitored(self._config, self.period)
-        self._guarded = GuardedEstimator(self._core, round(BRIDGED / self.period))
-        self._guarded.reset()
+    def _build(self) -> GuardedEstimator:
         self._sample = Sensors()
-
-    def configure(self, changes: Mapping[str, Any]) -> None:
-        self._config = self._core.config = replace_checked(self._config, **changes)
+        self._core = make_monitored(self._config, self._period)
+        return GuardedEstimator(self._core, round(BRIDGED / self._period))
 
     def answer(self, key: Key, received: int) -> Sample:
-        self._sample.load(needed(self.lane.samples, key, "sensor sample"))
+        self._sample.load(needed(self._lane.samples, key, "sensor sample"))
         return self._guarded.step(self._sample)
 
 
-class _Supervisor(_Core):
-    NODE, KIND = "mode_supervisor", Mode
+class _Supervisor(_Core[GuardedSupervisor]):
+    NODE, KIND, CONFIG = "mode_supervisor", Mode, SupervisorConfig
 
-    def build(self) -> None:
-        self._config = self.config(SupervisorConfig)
-        self._core = ModeSupervisor(self._config, self.period)
-        self._guarded = GuardedSupervisor(self._core)
-        self._guarded.reset()
+    def _build(self) -> GuardedSupervisor:
         self._state, self._operator = RobotState(), OperatorCommand()
         self._controller_lost = False
-
-    def configure(self, changes: Mapping[str, Any]) -> None:
-        self._config = self._core.config = replace_checked(self._config, **changes)
+        self._core = ModeSupervisor(self._config, self._period)
+        return GuardedSupervisor(self._core)
 
     def apply(self, event: RecordedEvent) -> None:
         super().apply(event)
@@ -297,7 +287,7 @@ class _Supervisor(_Core):
             self._controller_lost = event.content["node"] is not None
 
     def answer(self, key: Key, received: int) -> Sample:
-        self._state.load(self.lane.state(key, received))
+        self._state.load(self._lane.state(key, received))
         return self._guarded.step(self._state, self._command(key), self._controller_lost)
 
     def follow(self, episode: int, ticks: Iterable[int]) -> None:
@@ -306,37 +296,33 @@ class _Supervisor(_Core):
 
     def _command(self, key: Key) -> OperatorCommand | None:
         operator = self._operator
-        if (raw := self.lane.in_force.get(key)) is not None:
+        if (raw := self._lane.in_force.get(key)) is not None:
             operator.load(raw)
             return operator if int(operator.effective_seq) else None
-        operator.load(needed(self.lane.scripted, key, "operator command"))
+        operator.load(needed(self._lane.scripted, key, "operator command"))
         return operator
 
 
-class _Controller(_Core):
-    NODE, KIND = "gait_controller", MotorCommand
+class _Controller(_Core[GuardedController]):
+    NODE, KIND, CONFIG = "gait_controller", MotorCommand, ControllerConfig
 
-    def build(self) -> None:
-        self._config = self.config(ControllerConfig)
-        allow = bool(self.parameters.get("allow_uncertified", False))
-        bag = self.lane.path
+    def _build(self) -> GuardedController:
+        allow = bool(self._parameters.get("allow_uncertified", False))
+        bag = self._lane.path
         with TemporaryDirectory(prefix="cassie_") as folder:
-            library = self.gaits or _file(self.files["gait_library"], bag, Path(folder))
+            library = self._gaits or _file(self._files["gait_library"], bag, Path(folder))
             gait_library = load_certified(library, allow_uncertified=allow)
-            learned = _file(self.files["learned_torques_file"], bag, Path(folder))
+            learned = _file(self._files["learned_torques_file"], bag, Path(folder))
             torques = load_torques(learned) if learned.exists() else zero_torques()
-        self._core = GaitController(self._config, gait_library, self.period, torques)
-        self._guarded = GuardedController(self._core)
-        self._guarded.reset()
         self._state, self._mode, self._off = RobotState(), Mode(), Mode()
         self._gait = Gait()
         self._offered: Key | None = None
         self._late: int | None = None
         self._fallback: StopAndStand | None = None
-        self._episode = -1
+        self._core = GaitController(self._config, gait_library, self._period, torques)
+        return GuardedController(self._core)
 
-    def configure(self, changes: Mapping[str, Any]) -> None:
-        self._config = replace_checked(self._config, **changes)
+    def _configure(self) -> None:
         self._core.configure(self._config)
 
     def apply(self, event: RecordedEvent) -> None:
@@ -348,14 +334,14 @@ class _Controller(_Core):
         elif event.event == "lost":
             self._fallback = None
             if event.content["node"] is not None:
-                self._fallback = StopAndStand(self.period)
+                self._fallback = StopAndStand(self._period)
                 self._fallback.start(self._recorded_mode(event.episode, event.content["since"]))
 
     def answer(self, key: Key, received: int) -> Sample:
-        self._state.load(self.lane.state(key, received))
+        self._state.load(self._lane.state(key, received))
         mode = self._mode_at(*key)
         if self._offered is not None:
-            self._gait.load(needed(self.lane.gaits, self._offered, "gait"))
+            self._gait.load(needed(self._lane.gaits, self._offered, "gait"))
             self._core.offer(self._gait)
             self._offered = None
         return self._guarded.step(self._state, mode)
@@ -368,53 +354,38 @@ class _Controller(_Core):
 
     def _recorded_mode(self, episode: int, effective_seq: int) -> Mode:
         """The mode that takes effect at a tick; off before the first one."""
-        raw = self.lane.modes.get((episode, effective_seq))
+        raw = self._lane.modes.get((episode, effective_seq))
         if raw is None and effective_seq < PERIOD_TICKS:
             self._off.episode[...] = episode
             return self._off
-        self._mode.load(needed(self.lane.modes, (episode, effective_seq), "mode"))
+        self._mode.load(needed(self._lane.modes, (episode, effective_seq), "mode"))
         return self._mode
 
 
-_CORES: tuple[type[_Core], ...] = (_Estimator, _Supervisor, _Controller)
+_CORES: tuple[type[_Core[Any]], ...] = (_Estimator, _Supervisor, _Controller)
 
 
-@dataclass(frozen=True)
-class _Hole:
-    """Messages of a node that are not in the bag, before one that is.
+def _first_answered(before: tuple[Key, int], now: tuple[Key, int], step: int) -> int:
+    """The first tick after a message from which on its node answered every one.
 
-    Attributes:
-        key: Episode and tick of the message that is in the bag.
-        ticks: Ticks before it, in turn, of which the bag has no answer.
-        lost: Number of messages that the node published and the bag does not have.
+    Args:
+        before, now: Keys of two messages of which the bag has none between, each with the number of
+            messages up to it that the node published and the bag does not have.
+        step: Ticks from one message to the next.
+
+    Raises:
+        MissingInputError: if it answered some ticks between, and nothing tells which.
     """
-
-    key: Key
-    ticks: range
-    lost: int
-
-    @classmethod
-    def between(cls, one: tuple[Key, int], other: tuple[Key, int], step: int) -> _Hole:
-        """The hole between two messages, each by its key and the number of those lost so far."""
-        (episode, tick), lost = one
-        key, more = other
-        first = tick + step if key[0] == episode else key[1]
-        return cls(key, range(first, key[1], step), max(0, more - lost))
-
-    def first_answered(self) -> int:
-        """The first tick from which on the node answered every one.
-
-        Raises:
-            MissingInputError: if it answered some ticks of the hole, and nothing tells which.
-        """
-        if not self.ticks or not self.lost:
-            return self.key[1]
-        if self.lost >= len(self.ticks):
-            return self.ticks[0]
-        raise MissingInputError(
-            f"{self.lost} messages from tick {self.ticks[0]} of episode {self.key[0]} to tick "
-            f"{self.ticks[-1]} are not in the bag, and which is not known"
-        )
+    ((last_episode, last_tick), lost), ((episode, tick), more) = before, now
+    ticks = range(last_tick + step if last_episode == episode else tick, tick, step)
+    if not ticks or more <= lost:
+        return tick
+    if more - lost >= len(ticks):
+        return ticks[0]
+    raise MissingInputError(
+        f"{more - lost} messages from tick {ticks[0]} of episode {episode} to tick {ticks[-1]} "
+        "are not in the bag, and which is not known"
+    )
 
 
 class _NodeReplay:
@@ -433,7 +404,7 @@ class _NodeReplay:
     def __init__(
         self,
         lane: RecordedLane,
-        core: type[_Core],
+        core: type[_Core[Any]],
         overrides: Mapping[str, Any],
         gaits: Path | None,
     ) -> None:
@@ -441,7 +412,7 @@ class _NodeReplay:
         self._start = partial(core, lane, overrides=overrides, gaits=gaits)
         self._step = SEQ_STEP[core.KIND.TOPIC]
         self._events = deque(lane.events[core.NODE])  # not yet applied, in order
-        self._core: _Core | None = None  # None while the node's memory is not known
+        self._core: _Core[Any] | None = None  # None while the node's memory is not known
         self.gaps: list[str] = []
 
     def run(self, watch: Callable[[int], None]) -> Replayed:
@@ -459,8 +430,7 @@ class _NodeReplay:
             new_episode = key[0] != before[0][0]
             if new_episode:
                 self._core = None
-            hole = _Hole.between(before, (key, lost), self._step)
-            before = key, lost
+            previous, before = before, (key, lost)
             due = self._take_due(key, received if self._core is not None else _LAST)
             if raw in processed and not due:
                 continue  # a repeated answer
@@ -468,7 +438,8 @@ class _NodeReplay:
             try:
                 if lane.has_events:
                     fresh = self._core is None or any(event.event == "began" for event in due)
-                    self._apply(due, key, key[1] if fresh else hole.first_answered())
+                    first = key[1] if fresh else _first_answered(previous, before, self._step)
+                    self._apply(due, key, first)
                 elif new_episode and key[1] == 0:
                     self._core = self._start(lane.setting(self._node))
                 answer = self._answer(key, raw, received)
@@ -482,10 +453,10 @@ class _NodeReplay:
                 recorded.append(raw)
                 computed.append(answer)
         if skipped:
-            (episode, first), (_, last) = skipped[0], skipped[-1]
+            (episode, begin), (_, end) = skipped[0], skipped[-1]
             self.gaps.append(
-                f"{self._node}: {len(skipped)} messages not followed, from tick {first} of episode "
-                f"{episode} to tick {last}: its start, or a message before, is not in the bag"
+                f"{self._node}: {len(skipped)} messages not followed, from tick {begin} of episode "
+                f"{episode} to tick {end}: its start, or a message before, is not in the bag"
             )
         one, other = (
             np.frombuffer(b"".join(each), self._kind.DTYPE) for each in (recorded, computed)
