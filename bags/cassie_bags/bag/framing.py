@@ -162,14 +162,12 @@ class RecordReader:
     def _has_header(self, position: int) -> bool:
         """Whether the record here is a header, and another record follows it."""
         opcode, length = self._record_header(position)
-        end = position + _HEADER.size + length
-        if opcode != Opcode.HEADER or not self._record_header(end)[0]:
-            return False
-        try:
-            _parse(mcap.records.Header, self._read(position + _HEADER.size, length))
-        except BagError:
-            return False
-        return True
+        begin = position + _HEADER.size
+        return (
+            opcode == Opcode.HEADER
+            and bool(self._record_header(begin + length)[0])
+            and _is_whole(opcode, self._read(begin, length))
+        )
 
     def _record_header(self, position: int) -> tuple[int, int]:
         """Opcode and length of a record; opcode 0 if no record of a known kind fits there."""
@@ -212,14 +210,9 @@ class RecordReader:
         if kind not in _BEFORE_INDEX or length > self._size - position - _HEADER.size:
             return False
         content = self._read(position + _HEADER.size, length)
-        if kind == Opcode.CHUNK and not _is_chunk_start(content[:48], length):
+        if kind == Opcode.CHUNK and not _is_chunk_start(content, length):
             return False
-        try:
-            return bool(list(parse_record(kind, content)))
-        except CompressionError:
-            return True
-        except BagError:
-            return False
+        return _is_whole(kind, content)
 
     def _read(self, position: int, length: int) -> bytes:
         self._stream.seek(position)
@@ -244,21 +237,17 @@ class RecordReader:
         opcode, length = self._record_header(position)
         if not opcode or (opcode == Opcode.FOOTER and not self._is_at_end(position)):
             return False
-        if opcode == Opcode.CHUNK and not _is_chunk_start(
-            self._read(position + _HEADER.size, 48), length
-        ):
+        begin = position + _HEADER.size
+        end = begin + length
+        if opcode == Opcode.CHUNK and not _is_chunk_start(self._read(begin, 48), length):
             return False
-        end = position + _HEADER.size + length
         if opcode == Opcode.DATA_END:
             summary = self._summary_section()
             return summary is not None and summary[0] == end
-        try:
-            records = list(parse_record(opcode, self._read(position + _HEADER.size, length)))
-        except CompressionError:
-            return True
-        except BagError:
+        content = self._read(begin, length)
+        if not _is_whole(opcode, content):
             return False
-        if opcode == Opcode.METADATA and not records[0][1].name:
+        if opcode == Opcode.METADATA and content.startswith(b"\0\0\0\0"):  # without a name
             return False
         return opcode == Opcode.FOOTER or end == self._size or self._is_record(end)
 
@@ -333,6 +322,17 @@ def parse_record(opcode: int, body: bytes) -> Iterator[Record]:
         yield opcode, _parse(_PARSED_KINDS[opcode], body) if opcode in _PARSED_KINDS else body
 
 
+def _is_whole(opcode: int, body: bytes) -> bool:
+    """Whether bytes are intact content of a kind of record, as far as it can be read here."""
+    try:
+        list(parse_record(opcode, body))
+    except CompressionError:
+        return True
+    except BagError:
+        return False
+    return True
+
+
 def _is_message_index(body: bytes) -> bool:
     return len(body) >= 6 and _CRC.unpack_from(body, 2)[0] == len(body) - 6
 
@@ -393,10 +393,7 @@ def _is_chunk_start(start: bytes, length: int) -> bool:
 
 
 def _chunk_content(body: bytes) -> bytes:
-    """The content of a chunk, decompressed.
-
-    Args:
-        body: Content of a chunk record.
+    """The content of a chunk record, decompressed.
 
     Raises:
         BagError: if the chunk is damaged or its compression is unknown.

@@ -74,29 +74,25 @@ class Recording:
         segway: Rows of `/segway/ground_truth`, like `truth`, of the chassis; none without a Segway.
         segway_imu: Rows of `/segway/imu`: sec, nanosec, angular velocity (rad/s) and specific
             force (m/s^2), chassis axes.
-        strays: Number of messages from publishers outside of the run by topic, which were left out
-            (`without_strays`).
         wall_time: Wall time of the run, from the first sensor sample to the last; NaN if unknown.
             In s.
         metadata: Metadata records by name: seed, values drawn, versions, the experiment's file.
+        strays: Number of messages from publishers outside of the run by topic, which were left out
+            (`without_strays`).
     """
 
     lane: Mapping[str, Rows]
     truth: Rows
+    segway: Rows
+    segway_imu: Rows
     wall_time: float
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    segway: Rows = field(default_factory=lambda: read_rows(ODOMETRY, []))
-    segway_imu: Rows = field(default_factory=lambda: read_rows(IMU, []))
     strays: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def stamped(self) -> dict[str, Rows]:
         """Rows of each topic outside of the control lane."""
-        return {
-            GROUND_TRUTH_TOPIC: self.truth,
-            SEGWAY_TRUTH_TOPIC: self.segway,
-            SEGWAY_IMU_TOPIC: self.segway_imu,
-        }
+        return dict(zip(_STAMPED, (self.truth, self.segway, self.segway_imu), strict=True))
 
     def without_strays(self, flags: Mapping[str, BoolArray] | None = None) -> Recording:
         """The run alone, without messages of publishers outside of the run.
@@ -115,13 +111,9 @@ class Recording:
 
     def with_rows(self, rows: Mapping[str, Rows]) -> Recording:
         """The recording with other rows of each topic."""
-        return dataclasses.replace(
-            self,
-            lane={topic: rows[topic] for topic in self.lane},
-            truth=rows[GROUND_TRUTH_TOPIC],
-            segway=rows[SEGWAY_TRUTH_TOPIC],
-            segway_imu=rows[SEGWAY_IMU_TOPIC],
-        )
+        lane = {topic: rows[topic] for topic in self.lane}
+        truth, segway, imu = (rows[topic] for topic in _STAMPED)
+        return dataclasses.replace(self, lane=lane, truth=truth, segway=segway, segway_imu=imu)
 
     def rows(self, kind: type[Sample]) -> Rows:
         """Rows of one message type, such as `recording.rows(RobotState)["q"]`."""
@@ -139,14 +131,9 @@ def from_messages(
         BagError: if a message does not have the size of its type.
     """
     rows = {topic: rows_of(topic, messages.get(topic, [])) for topic in TYPES}
-    return Recording(
-        {topic: rows[topic] for topic in LANE_TOPICS},
-        rows[GROUND_TRUTH_TOPIC],
-        wall_time,
-        metadata or {},
-        rows[SEGWAY_TRUTH_TOPIC],
-        rows[SEGWAY_IMU_TOPIC],
-    )
+    lane = {topic: rows[topic] for topic in LANE_TOPICS}
+    truth, segway, imu = (rows[topic] for topic in _STAMPED)
+    return Recording(lane, truth, segway, imu, wall_time, metadata or {})
 
 
 def read_recording(path: Path | str) -> Recording:

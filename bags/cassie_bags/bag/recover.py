@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema
+from mcap.records import Channel
 from mcap.writer import Writer
 
 from cassie_bags.bag.framing import RecordReader, parse_message
@@ -89,13 +88,7 @@ def recover(source: Path | str, target: Path | str) -> Recovered:
 
 
 def _recovered_file(source: Path, target: Path, name: str) -> _Copy:
-    """Copy one file.
-
-    Args:
-        source: The damaged file.
-        target: File to write.
-        name: Name of the file in the metadata.
-    """
+    """Copy one file; `name` is that of the new one in the metadata."""
     try:
         stream = source.open("rb")
     except OSError as error:
@@ -104,8 +97,8 @@ def _recovered_file(source: Path, target: Path, name: str) -> _Copy:
         reader = RecordReader(stream, str(source))
         with target.open("wb") as output:
             copy = _Copy(output, name)
-            for opcode, body in reader.records():
-                copy.write(opcode, body)
+            for opcode, record in reader.records():
+                copy.write(opcode, record)
             copy.finish()
     copy.lost_bytes += reader.lost_bytes
     copy.complete = reader.complete and not copy.lost_bytes
@@ -125,82 +118,58 @@ class _Copy:
         self._writer = Writer(output, chunk_size=1 << 30, enable_data_crcs=True)
         self._started = False
         self.contents = Contents(name)
-        self._has_messages = False
         self.complete = False
         self.lost_bytes = 0
         self.undefined = 0
-        self._schemas: dict[int, int] = {0: 0}
-        self._types: dict[int, str] = {0: ""}
-        self._channels: dict[int, int] = {}
-        self._topics: dict[int, Topic] = {}
-        self._methods: dict[int, Callable[[Any], None]] = {
-            Opcode.HEADER: self._write_header,
-            Opcode.SCHEMA: self._write_schema,
-            Opcode.CHANNEL: self._write_channel,
-            Opcode.MESSAGE: self._write_message,
-            Opcode.METADATA: self._write_metadata,
-            Opcode.ATTACHMENT: self._write_attachment,
-            Opcode.CHUNK: lambda _: self._writer.flush(),
-        }
+        # New number with type by number of the schema, and with topic by number of the channel.
+        self._schemas: dict[int, tuple[int, str]] = {0: (0, "")}
+        self._channels: dict[int, tuple[int, Topic]] = {}
 
-    def write(self, opcode: int, content: Any) -> None:
-        if not self._started and opcode != Opcode.HEADER:
-            self._start(PROFILE)  # the header is damaged
-        if opcode in self._methods:
-            self._methods[opcode](content)
+    def write(self, opcode: int, record: Any) -> None:
+        writer = self._writer
+        if not self._started:
+            self._started = True
+            whole = opcode == Opcode.HEADER  # otherwise it is damaged
+            writer.start(profile=record.profile if whole else PROFILE)
+        if opcode == Opcode.MESSAGE:
+            self._write_message(record)
+        elif opcode == Opcode.SCHEMA and record.id not in self._schemas:
+            number = writer.register_schema(record.name, record.encoding, record.data)
+            self._schemas[record.id] = number, record.name
+        elif opcode == Opcode.CHANNEL:
+            self._write_channel(record)
+        elif opcode == Opcode.METADATA and record.name != RECORD:  # written again at the end
+            writer.add_metadata(record.name, record.metadata)
+        elif opcode == Opcode.ATTACHMENT:
+            writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            )
+        elif opcode == Opcode.CHUNK:
+            writer.flush()
 
     def finish(self) -> None:
         self._writer.flush()
         self._writer.add_metadata(RECORD, record_of(self.contents))
         self._writer.finish()
 
-    def _start(self, profile: str) -> None:
-        self._started = True
-        self._writer.start(profile=profile)
-
-    def _write_header(self, header: Header) -> None:
-        if not self._started:
-            self._start(header.profile)
-
-    def _write_schema(self, schema: Schema) -> None:
-        if schema.id not in self._schemas:
-            self._types[schema.id] = schema.name
-            self._schemas[schema.id] = self._writer.register_schema(
-                schema.name, schema.encoding, schema.data
-            )
-
     def _write_channel(self, channel: Channel) -> None:
         if channel.id in self._channels or channel.schema_id not in self._schemas:
             return
+        schema, kind = self._schemas[channel.schema_id]
         profiles, text = read_profiles(channel.metadata.get(QOS_KEY, ""))
-        self._channels[channel.id] = self._writer.register_channel(
-            channel.topic,
-            channel.message_encoding,
-            self._schemas[channel.schema_id],
-            channel.metadata | {QOS_KEY: text},
-        )
-        self._topics[channel.id] = self.contents.topics.setdefault(
-            channel.topic, Topic(self._types[channel.schema_id], profiles)
-        )
-
-    def _write_metadata(self, metadata: Metadata) -> None:
-        if metadata.name != RECORD:  # written again at the end
-            self._writer.add_metadata(metadata.name, metadata.metadata)
-
-    def _write_attachment(self, file: Attachment) -> None:
-        self._writer.add_attachment(
-            file.create_time, file.log_time, file.name, file.media_type, file.data
-        )
+        metadata = channel.metadata | {QOS_KEY: text}
+        name = channel.topic
+        number = self._writer.register_channel(name, channel.message_encoding, schema, metadata)
+        topic = self.contents.topics.setdefault(name, Topic(kind, profiles))
+        self._channels[channel.id] = number, topic
 
     def _write_message(self, body: bytes) -> None:
-        channel, number, log_time, publish_time, data = parse_message(body)
+        channel, sequence, log_time, publish_time, data = parse_message(body)
         if channel not in self._channels:
             self.undefined += 1
             self.lost_bytes += len(body)
             return
-        contents = self.contents
-        contents.start = min(contents.start, log_time) if self._has_messages else log_time
-        contents.end = max(contents.end, log_time)
-        self._has_messages = True
-        self._topics[channel].count += 1
-        self._writer.add_message(self._channels[channel], log_time, data, publish_time, number)
+        number, topic = self._channels[channel]
+        topic.count += 1
+        self.contents.extend(log_time, log_time)
+        self._writer.add_message(number, log_time, data, publish_time, sequence)

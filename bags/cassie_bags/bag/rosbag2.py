@@ -96,12 +96,20 @@ class Contents:
         name: Name of the file.
         topics: Topics by name.
         start, end: Earliest and latest log time. In ns; 0 without messages.
+        empty: Whether the times are of no message.
     """
 
     name: str
     topics: dict[str, Topic] = field(default_factory=dict)
     start: int = 0
     end: int = 0
+    empty: bool = True
+
+    def extend(self, start: int, end: int) -> None:
+        """Take in the earliest and latest log time of further messages. In ns."""
+        if self.empty:
+            self.start, self.end, self.empty = start, end, False
+        self.start, self.end = min(self.start, start), max(self.end, end)
 
     @property
     def count(self) -> int:

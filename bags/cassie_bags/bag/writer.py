@@ -12,6 +12,7 @@ robot's clock at any speed of the machine. `publish_time` is the time of receipt
 from __future__ import annotations
 
 import contextlib
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
@@ -49,7 +50,7 @@ class BagWriter:
 
     Attributes:
         path: The file.
-        contents: Contents written so far.
+        contents: Contents of the file written so far.
     """
 
     def __init__(self, path: Path | str, *, new: bool = False, compress: bool = True) -> None:
@@ -63,22 +64,26 @@ class BagWriter:
         Raises:
             BagError: if the file cannot be created.
         """
-        self.path = Path(path)
+        self._compress = compress
+        self._open(Path(path), new=new)
+
+    def _open(self, path: Path, *, new: bool) -> None:
+        self.path = path
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream: BinaryIO = self.path.open("xb" if new else "wb")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._stream: BinaryIO = path.open("xb" if new else "wb")
         except OSError as error:
-            if new and self.path.exists():
+            if new and path.exists():
                 raise BagError(f"{path} exists: give another name, or remove it") from None
             raise BagError(f"cannot write bag {path}: {error.strerror}") from None
         self._writer = Writer(
             self._stream,
             chunk_size=_CHUNK_BYTES,
-            compression=CompressionType.ZSTD if compress else CompressionType.NONE,
+            compression=CompressionType.ZSTD if self._compress else CompressionType.NONE,
             enable_data_crcs=True,
         )
         self._writer.start(profile=PROFILE)
-        self.contents = Contents(self.path.name)
+        self.contents = Contents(path.name)
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._topics: dict[int, Topic] = {}
@@ -168,18 +173,13 @@ class BagWriter:
         """Messages written so far, by topic."""
         return {name: topic.count for name, topic in self.contents.topics.items()}
 
-    @property
-    def size(self) -> int:
-        """Bytes written so far, without the open chunk."""
-        return self._stream.tell()
-
     def close(self) -> None:
         """Write the open chunk, then the index. Calling it again does nothing."""
         if not self._closed:
             self._close_chunk()
-            self.add_metadata(RECORD, record_of(self.contents))
             self._closed = True
             with self._reporting_errors():
+                self._writer.add_metadata(RECORD, record_of(self.contents))
                 self._writer.finish()
                 self._stream.close()
 
@@ -200,9 +200,7 @@ class BagWriter:
         with self._reporting_errors():
             self._writer.flush()
         if self._first_log is not None:
-            empty = self.contents.start == self.contents.end == 0
-            start = self._first_log if empty else min(self.contents.start, self._first_log)
-            self.contents.start, self.contents.end = start, max(self.contents.end, self._last_log)
+            self.contents.extend(self._first_log, self._last_log)
         self._first_log = None
 
     @contextlib.contextmanager
@@ -218,13 +216,14 @@ class BagWriter:
             raise BagError(f"cannot write bag {self.path}: {error.strerror}") from None
 
 
-class FolderWriter:
+class FolderWriter(BagWriter):
     """A bag as `ros2 bag` writes it: a folder of files NAME_0.mcap, ... and metadata.yaml.
 
-    It is used like a `BagWriter`. Each file has all metadata records, so that it can be read alone.
+    Each file has all metadata records, so that it can be read alone; a file that is added is in
+    one of them. Calling `close` again writes metadata.yaml again.
 
     Args:
-        path: The folder, which must not exist.
+        folder: The folder, which must not exist.
         compress: Whether chunks are compressed (zstd).
         max_bytes: Size after which the next file begins; 0 for never.
         max_duration: Log time after which the next file begins. In ns; 0 for never.
@@ -234,85 +233,69 @@ class FolderWriter:
     """
 
     def __init__(
-        self, path: Path, *, compress: bool = True, max_bytes: int = 0, max_duration: int = 0
+        self, folder: Path, *, compress: bool = True, max_bytes: int = 0, max_duration: int = 0
     ) -> None:
-        self.path = path
         try:
-            path.mkdir(parents=True)
+            folder.mkdir(parents=True)
         except FileExistsError:
-            raise BagError(f"{path} exists: give another name, or remove it") from None
+            raise BagError(f"{folder} exists: give another name, or remove it") from None
         except OSError as error:
-            raise BagError(f"cannot write bag {path}: {error.strerror}") from None
-        self._compress = compress
-        self._max_bytes = max_bytes
-        self._max_duration = max_duration
-        self._topics: dict[str, tuple[str, Qos]] = {}
+            raise BagError(f"cannot write bag {folder}: {error.strerror}") from None
+        self._folder = folder
+        self._max_bytes, self._max_duration = max_bytes, max_duration
+        self._declared: dict[str, tuple[str, Qos]] = {}
         self._metadata: dict[str, Mapping[str, str]] = {}
         self._finished: list[Contents] = []
-        self._first_log: int | None = None  # first log time of the open file
-        self._file = self._next_file()
+        self._began: int | None = None  # first log time of the open file
+        super().__init__(self._next_path(), new=True, compress=compress)
 
     def add_topic(self, topic: str, type_name: str, qos: Qos = QOS_DEFAULT) -> int:
         """See `BagWriter.add_topic`."""
-        channel = self._file.add_topic(topic, type_name, qos)
-        self._topics.setdefault(topic, (type_name, qos))
+        channel = super().add_topic(topic, type_name, qos)
+        self._declared.setdefault(topic, (type_name, qos))
         return channel
 
     def write(
         self, channel: int, data: bytes, log_time: int, wall_time: int, lost: int = 0
     ) -> None:
         """See `BagWriter.write`."""
-        if self._first_log is None:
-            self._first_log = log_time
-        elif self._full(log_time):
+        if self._began is not None and (
+            0 < self._max_bytes <= self._stream.tell()
+            or 0 < self._max_duration <= log_time - self._began
+        ):
             self.split()
-            self._first_log = log_time
-        self._file.write(channel, data, log_time, wall_time, lost)
+        if self._began is None:
+            self._began = log_time
+        super().write(channel, data, log_time, wall_time, lost)
 
     def split(self) -> None:
         """Continue in a new file."""
-        self._file.close()
-        self._finished.append(self._file.contents)
-        self._first_log = None
-        self._file = self._next_file()
+        super().close()
+        self._finished.append(self.contents)
+        self._began = None
+        self._open(self._next_path(), new=True)
         for name, content in self._metadata.items():
-            self._file.add_metadata(name, content)
-        for topic, (type_name, qos) in self._topics.items():
-            self._file.add_topic(topic, type_name, qos)  # in the same order: the same channel
-
-    def flush_if_due(self, wall_time: int) -> None:
-        """See `BagWriter.flush_if_due`."""
-        self._file.flush_if_due(wall_time)
+            super().add_metadata(name, content)
+        for topic, (type_name, qos) in self._declared.items():
+            super().add_topic(topic, type_name, qos)  # in the same order: the same channel
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """See `BagWriter.add_metadata`; the record goes into this file and all later ones."""
         self._metadata[name] = content
-        self._file.add_metadata(name, content)
-
-    def add_file(self, name: str, content: bytes) -> None:
-        """See `BagWriter.add_file`; the file is in only one of the MCAP files."""
-        self._file.add_file(name, content)
+        super().add_metadata(name, content)
 
     @property
     def counts(self) -> dict[str, int]:
         """Messages written so far, by topic."""
-        counts = dict.fromkeys(self._topics, 0)
-        for contents in (*self._finished, self._file.contents):
-            for name, topic in contents.topics.items():
-                counts[name] += topic.count
-        return counts
+        counts: Counter[str] = Counter()
+        for contents in (*self._finished, self.contents):
+            counts.update({name: topic.count for name, topic in contents.topics.items()})
+        return dict(counts)
 
     def close(self) -> None:
-        """Close the last file and write metadata.yaml; a second call writes metadata.yaml again."""
-        self._file.close()
-        write_metadata(self.path, [*self._finished, self._file.contents])
+        """Close the last file and write metadata.yaml."""
+        super().close()
+        write_metadata(self._folder, [*self._finished, self.contents])
 
-    def _next_file(self) -> BagWriter:
-        name = f"{self.path.resolve().name}_{len(self._finished)}.mcap"
-        return BagWriter(self.path / name, new=True, compress=self._compress)
-
-    def _full(self, log_time: int) -> bool:
-        if self._max_bytes and self._file.size >= self._max_bytes:
-            return True
-        began = log_time if self._first_log is None else self._first_log
-        return bool(self._max_duration and log_time - began >= self._max_duration)
+    def _next_path(self) -> Path:
+        return self._folder / f"{self._folder.resolve().name}_{len(self._finished)}.mcap"
