@@ -13,7 +13,8 @@ import queue
 import shutil
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from concurrent import futures
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -89,7 +90,7 @@ class Recorder(Node):
         self._stop = stop
         self._arguments = arguments
         self._metadata = _metadata(arguments.metadata)
-        self._requests: queue.Queue[tuple[str, queue.Queue[tuple[bool, str]]]] = queue.Queue()
+        self._requests: queue.Queue[tuple[Callable[[], str], futures.Future[str]]] = queue.Queue()
         self._session: Session | None = None
         # It has no low priority: messages that it cannot take in time are lost.
         self._scheduling = Scheduling(self.get_logger().info, Place.OPERATOR)
@@ -115,59 +116,61 @@ class Recorder(Node):
     def close(self) -> None:
         """Close the bag and print a summary of it."""
         try:
-            self._end()
+            if self._session is not None:
+                self._end()
         except BagError as error:
             if not self._stop.exit_code:  # otherwise it has been printed
                 print(f"record: error: {error}", file=sys.stderr)
             self._stop.request(exit_code=1)
 
-    def _begin(self) -> None:
+    def _begin(self) -> str:
+        if self._session is not None:
+            raise BagError(f"{self._session.path} is being recorded")
         self._session = Session(self, self._arguments, self._metadata, self._scheduling)
         self._arguments.output = _next_name(self._session.path)
-        print(f"recording to {self._session.path}", file=sys.stderr, flush=True)
+        text = f"recording to {self._session.path}"
+        print(text, file=sys.stderr, flush=True)
+        return text
 
     def _end(self) -> str:
-        session, self._session = self._session, None
-        return "" if session is None else session.close()
+        session, self._session = self._running, None
+        return session.close()
+
+    def _split(self) -> str:
+        self._running.split()
+        return f"{self._running.path} goes on in a new file"
+
+    @property
+    def _running(self) -> Session:
+        if self._session is None:
+            raise BagError("nothing is being recorded")
+        return self._session
 
     def _serve_requests(self) -> None:
-        """Carry out requests of the services."""
+        """Carry out requests of the services, which come in another thread."""
         while not self._requests.empty():
             order, answer = self._requests.get()
             try:
-                answer.put((True, self._carry_out(order)))
+                answer.set_result(order())
             except BagError as error:
-                answer.put((False, str(error)))
-
-    def _carry_out(self, order: str) -> str:
-        session = self._session
-        if order == "begin":
-            if session is not None:
-                raise BagError(f"{session.path} is being recorded")
-            self._begin()
-            assert self._session is not None
-            return f"recording to {self._session.path}"
-        if session is None:
-            raise BagError("nothing is being recorded")
-        if order == "end":
-            return self._end()
-        session.split()
-        return f"{session.path} goes on in a new file"
+                answer.set_exception(error)
 
     def _on_record(self, request: Any, response: Any) -> Any:
-        return self._request("begin" if request.data else "end", response)
+        return self._request(self._begin if request.data else self._end, response)
 
     def _on_split(self, _: Any, response: Any) -> Any:
-        return self._request("split", response)
+        return self._request(self._split, response)
 
-    def _request(self, order: str, response: Any) -> Any:
-        answer: queue.Queue[tuple[bool, str]] = queue.Queue(1)
+    def _request(self, order: Callable[[], str], response: Any) -> Any:
+        answer: futures.Future[str] = futures.Future()
         self._requests.put((order, answer))
         self._wake()
         try:
-            response.success, response.message = answer.get(timeout=_ANSWER)
-        except queue.Empty:
+            response.success, response.message = True, answer.result(_ANSWER)
+        except futures.TimeoutError:
             response.success, response.message = False, "the recorder is ending"
+        except BagError as error:
+            response.success, response.message = False, str(error)
         return response
 
     def _wake(self) -> None:
@@ -193,11 +196,8 @@ class Session:
         self._scheduling = scheduling
         self._state = RobotState()
         self.path: Path = arguments.output
-        self._all: bool = arguments.all
-        self._named = tuple(arguments.topics)
-        self._wanted = set(self._named or DEFAULT_TOPICS)
-        self._wall_clock: bool = arguments.wall_clock
-        self._min_free_space: int = arguments.min_free_space
+        self._arguments = arguments
+        self._wanted = set(arguments.topics or DEFAULT_TOPICS)
         self._subscriptions: dict[str, RecordedTopic] = {}
         self._unknown: set[str] = set()
         self._robot_clock = RobotClock()
@@ -214,7 +214,7 @@ class Session:
         self._experiment = "cassie_experiment" in metadata
         for name, content in metadata.items():
             self._bag.add_metadata(name, content)
-        for topic in TYPES if self._all else self._wanted & TYPES.keys():
+        for topic in TYPES if arguments.all else self._wanted & TYPES.keys():
             self._subscribe(topic, TYPES[topic])
         self._waiter = LaneWaiter(node, self._subscriptions.values())
 
@@ -262,7 +262,7 @@ class Session:
         for topic, each in self._subscriptions.items():
             if each.unreadable:
                 print(f"left out: {topic}: {each.unreadable} of another type", file=sys.stderr)
-        for topic in self._named:
+        for topic in self._arguments.topics:
             if topic not in self._subscriptions and topic not in self._unknown:
                 print(f"never published: {topic}", file=sys.stderr)
         for gap in self._monitor.gaps():
@@ -306,7 +306,7 @@ class Session:
             while (raw := subscription.take_raw()) is not None:
                 batch.append(self._received(subscription, raw, wall))
         received = len(batch) - waiting
-        if self._wall_clock or self._robot_clock.known:
+        if self._arguments.wall_clock or self._robot_clock.known:
             self._waiting = []
             self._write(batch)
         elif batch and wall - batch[0][3] > _WITHOUT_ROBOT and not self._experiment:
@@ -325,12 +325,9 @@ class Session:
             self._missing_topics.discard(topic)
             if not self._missing_topics:
                 print(COMPLETE, file=sys.stderr, flush=True)
-        known = self._robot_clock.known
         robot = self._robot_clock.time_of(topic, raw, wall)
-        if self._wall_clock:
-            log_time: int | None = wall
-        else:
-            log_time = robot if known or self._robot_clock.known else None
+        known = robot if self._robot_clock.known else None
+        log_time = wall if self._arguments.wall_clock else known
         return log_time, subscription, raw, wall, subscription.lost
 
     def _write_waiting(self) -> None:
@@ -343,23 +340,15 @@ class Session:
     def _write(self, batch: list[_Message]) -> None:
         clock = self._robot_clock
         timed = [
-            (
-                clock.time_of(each.topic, raw, wall) if log_time is None else log_time,
-                each.channel,
-                raw,
-                wall,
-                lost,
-            )
-            for log_time, each, raw, wall, lost in batch
+            (clock.time_of(each.topic, raw, wall) if at is None else at, each, raw, wall, lost)
+            for at, each, raw, wall, lost in batch
         ]
-        for log_time, channel, raw, wall, lost in sorted(timed, key=itemgetter(0)):
-            self._bag.write(channel, raw, log_time, wall, lost)
+        timed.sort(key=itemgetter(0))
+        for log_time, each, raw, wall, lost in timed:
+            self._bag.write(each.channel, raw, log_time, wall, lost)
         if timed:
-            first, last = self._span or (timed[0][0], timed[0][0])
-            self._span = (
-                min(first, *(each[0] for each in timed)),
-                max(last, *(each[0] for each in timed)),
-            )
+            first, last = self._span or (timed[0][0], 0)
+            self._span = min(first, timed[0][0]), max(last, timed[-1][0])
 
     def _check_graph(self) -> None:
         """Check for new topics and nodes, and for free space on the disk."""
@@ -367,7 +356,7 @@ class Session:
         known = self._subscriptions.keys() | self._unknown
         added = False
         for topic, types in self._node.get_topic_names_and_types():
-            if topic not in known and (self._all or topic in self._wanted):
+            if topic not in known and (self._arguments.all or topic in self._wanted):
                 added = self._subscribe(topic, types[0]) or added
         if added:
             self._waiter = LaneWaiter(self._node, self._subscriptions.values())
@@ -381,11 +370,11 @@ class Session:
 
     def _check_disk(self) -> None:
         place = next(each for each in self.path.absolute().parents if each.exists())
-        free = shutil.disk_usage(place).free
-        if free < self._min_free_space:
+        free, least = shutil.disk_usage(place).free, self._arguments.min_free_space
+        if free < least:
             raise BagError(
-                f"only {free / MIB:.0f} MiB are free in {place}, less than "
-                f"{self._min_free_space / MIB:.0f} MiB (--min-free-space): recording ends"
+                f"only {free / MIB:.0f} MiB are free in {place}, less than {least / MIB:.0f} MiB "
+                "(--min-free-space): recording ends"
             )
 
     def _attach_files_of(self, raw: bytes) -> None:
@@ -432,7 +421,7 @@ def _drain_order(topic: str) -> int:
     return _STREAM.get(topic, len(_STREAM) + (topic == Sensors.TOPIC))
 
 
-def _writer(arguments: argparse.Namespace) -> BagWriter | FolderWriter:
+def _writer(arguments: argparse.Namespace) -> BagWriter:
     compress = arguments.compression_format == "zstd"
     if is_file(arguments.output):
         return BagWriter(arguments.output, new=True, compress=compress)

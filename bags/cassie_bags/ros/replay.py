@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import sys
 import threading
 import time
-from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +81,10 @@ class Replay(Node):
             self._refuse_other_writers()
             self.create_timer(_WRITERS_PERIOD, self._end_for_other_writer)
         self._clock_publisher = self.create_publisher(Clock, CLOCK_TOPIC, 10)
-        begin, end = _part([robot for robot, *_ in messages], arguments.start, arguments.duration)
+        times = [robot for robot, *_ in messages]
+        begin, end = times[0] + int(arguments.start * 1e9), times[-1]
+        if arguments.duration is not None:
+            end = min(end, begin + int(arguments.duration * 1e9))
         if end >= _CLOCK_END:
             raise BagError(
                 f"{arguments.file}: a log time of {end * 1e-9:.0f} s does not fit into /clock, "
@@ -90,7 +93,7 @@ class Replay(Node):
         self._lock = threading.Lock()
         self._changed = threading.Event()  # the next message may have changed
         self._playback = Playback(
-            [robot for robot, *_ in messages],
+            times,
             rate=arguments.rate,
             loop=arguments.loop,
             paused=arguments.start_paused,
@@ -99,7 +102,11 @@ class Replay(Node):
         )
         if self._playback.finished:
             raise BagError(f"{arguments.file} has no message in the part asked for")
-        self._declare(arguments.rate)
+        about = "Ratio of robot time to wall time"
+        self._declare("rate", arguments.rate, RATES, about)
+        about = "Position in s since the beginning; seeks when set"
+        self._declare("position", 0.0, (0.0, max((end - begin) * 1e-9, 1e-9)), about)
+        self.add_on_set_parameters_callback(self._on_parameters)
         self.create_service(SetBool, "~/pause", self._on_pause)
         self.create_service(Trigger, "~/step", self._on_step)
         stop.on_request(self._changed.set)
@@ -120,12 +127,7 @@ class Replay(Node):
     def _load(
         self, path: Path, topics: Sequence[str], commands: bool
     ) -> list[tuple[int, Any, bytes]]:
-        """Messages in order of robot time, each with its publisher.
-
-        Args:
-            path: The bag.
-            topics: Topics to play; all if empty.
-            commands: Whether topics that move a robot may be played.
+        """Messages of some topics, or of all, in order of robot time, each with its publisher.
 
         Raises:
             BagError: if the file is no bag or lacks a topic in `topics`, or if such a topic moves a
@@ -180,16 +182,7 @@ class Replay(Node):
         except InvalidTopicNameException:
             raise BagError("this is not a valid name of a topic") from None
 
-    def _declare(self, rate: float) -> None:
-        length = (self._playback.end - self._playback.begin) * 1e-9
-        self._declare_one("rate", rate, RATES, "Ratio of robot time to wall time")
-        about = "Position in s since the beginning; seeks when set"
-        self._declare_one("position", 0.0, (0.0, max(length, 1e-9)), about)
-        self.add_on_set_parameters_callback(self._on_parameters)
-
-    def _declare_one(
-        self, name: str, value: float, limits: tuple[float, float], about: str
-    ) -> None:
+    def _declare(self, name: str, value: float, limits: tuple[float, float], about: str) -> None:
         bounds = FloatingPointRange(from_value=limits[0], to_value=limits[1])
         self.declare_parameter(
             name, value, ParameterDescriptor(description=about, floating_point_range=[bounds])
@@ -214,27 +207,29 @@ class Replay(Node):
         response.message = "" if response.success else "it is not paused, or at the end"
         return response
 
-    def _pause(self, paused: bool) -> None:
+    @contextlib.contextmanager
+    def _changing(self) -> Iterator[int]:
+        """Hold the lock for a change of the playback; gives the wall time in ns."""
         with self._lock:
-            self._playback.pause(paused, time.monotonic_ns())
+            yield time.monotonic_ns()
         self._changed.set()
+
+    def _pause(self, paused: bool) -> None:
+        with self._changing() as wall:
+            self._playback.pause(paused, wall)
 
     def _step(self) -> bool:
-        with self._lock:
-            done = self._playback.step(time.monotonic_ns())
-        self._changed.set()
-        return done
+        with self._changing() as wall:
+            return self._playback.step(wall)
 
     def _seek(self, robot: int) -> None:
-        with self._lock:
-            self._playback.seek(robot, time.monotonic_ns())
+        with self._changing() as wall:
+            self._playback.seek(robot, wall)
             self._next_clock = 0
-        self._changed.set()
 
     def _set_rate(self, rate: float) -> None:
-        with self._lock:
-            self._playback.set_rate(rate, time.monotonic_ns())
-        self._changed.set()
+        with self._changing() as wall:
+            self._playback.set_rate(rate, wall)
 
     def _press(self, key: str) -> None:
         playback = self._playback
@@ -250,7 +245,7 @@ class Replay(Node):
             self._stop.request()
 
     @contextlib.contextmanager
-    def _keys(self) -> Any:
+    def _keys(self) -> Iterator[None]:
         """Follow keys during the `with` statement, if there is a terminal."""
         try:
             terminal = Terminal(sink=sys.stderr) if self._keys_wanted else None
@@ -282,9 +277,8 @@ class Replay(Node):
         playback = self._playback
         at = (playback.position(time.monotonic_ns()) - playback.begin) * 1e-9
         length = (playback.end - playback.begin) * 1e-9
-        return f"{at:7.2f} of {length:.2f} s  x{playback.rate:.3g}" + (
-            "  paused" if playback.paused else ""
-        )
+        paused = "  paused" if playback.paused else ""
+        return f"{at:7.2f} of {length:.2f} s  x{playback.rate:.3g}{paused}"
 
     def _refuse_other_writers(self) -> None:
         """Check that no other node publishes on the played topics.
@@ -367,9 +361,8 @@ class Replay(Node):
 
     def _publish_latched_before(self, begin: int) -> None:
         """Publish the last latched messages before the played part, for late subscribers."""
-        newest = {}
-        for _, publisher, raw in self._messages[: bisect_left(self._messages, begin, key=_time)]:
-            newest[publisher] = raw
+        before = itertools.takewhile(lambda message: message[0] < begin, self._messages)
+        newest = {publisher: raw for _, publisher, raw in before}
         for topic in _LATCHED_TOPICS & self._publishers_by_topic.keys():
             publisher = self._publishers_by_topic[topic]
             if publisher in newest:
@@ -378,17 +371,6 @@ class Replay(Node):
     def _publish_clock(self, robot: int) -> None:
         seconds, nanoseconds = divmod(robot, 1_000_000_000)
         self._clock_publisher.publish(Clock(clock=Time(sec=seconds, nanosec=nanoseconds)))
-
-
-def _time(entry: tuple[int, Any, bytes]) -> int:
-    return entry[0]
-
-
-def _part(times: Sequence[int], start: float, duration: float | None) -> tuple[int, int]:
-    """First and last log time of the played part. In ns."""
-    begin = times[0] + int(start * 1e9)
-    end = times[-1] if duration is None else min(times[-1], begin + int(duration * 1e9))
-    return begin, end
 
 
 def run_replay(arguments: argparse.Namespace) -> None:
