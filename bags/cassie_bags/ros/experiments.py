@@ -45,6 +45,41 @@ from cassie_msgs.tunables import ParameterError
 
 NOT_RUN = "the run did not come to its end"
 
+_OUT = Path("build/experiments")  # folder of several runs
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run of a command line.
+
+    Attributes:
+        file: File of the experiment.
+        seed: Seed in place of the file's.
+        folder: Folder for the files of the run; None for no files.
+        arguments: All arguments of the command line.
+    """
+
+    file: Path
+    seed: int | None
+    folder: Path | None
+    arguments: argparse.Namespace
+
+    def experiment(self) -> Experiment:
+        """The experiment, drawn.
+
+        Raises:
+            ExperimentError: naming the file, the value and what is permitted, before anything runs.
+        """
+        experiment = resolve(load_experiment(self.file, self.arguments.set, self.seed))
+        try:
+            check_parameters(experiment)
+            if self.arguments.in_process:
+                check_one_process(experiment)
+            check_plant(experiment)
+        except (CassieError, ParameterError) as error:
+            raise ExperimentError(f"{self.file}: {error}") from None
+        return experiment
+
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the experiments of a command line; returns the exit code."""
@@ -53,29 +88,19 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.all and not arguments.files:
         raise ExperimentError("name an experiment file, or --all for those of the package")
     several = arguments.all or len(arguments.files) > 1 or arguments.seeds
+    consistent(arguments.set)
     return _run_many(arguments) if several else _run_one(arguments)
 
 
 def _run_one(arguments: argparse.Namespace) -> int:
-    changes = consistent(arguments.set)
-    experiment = resolve(load_experiment(arguments.files[0], changes, arguments.seed))
-    _check(arguments.files[0], experiment, in_process=arguments.in_process)
-    outcome = run_experiment(
-        experiment,
-        arguments.out,
-        in_process=arguments.in_process,
-        stack=arguments.stack,
-        physics_thread=len(os.sched_getaffinity(0)) > 1,
-    )
-    if arguments.out is not None:
-        film = not arguments.no_video
-        outcome, _ = write_results(
-            outcome, arguments.out, pictures=not arguments.no_pictures, film=film
-        )
-    print(table(outcome), file=sys.stderr)
+    task = Task(arguments.files[0], arguments.seed, arguments.out, arguments)
+    result = _result(task, task.experiment(), physics_thread=len(os.sched_getaffinity(0)) > 1)
+    if task.folder is not None:
+        result, _ = _write_results(result, task.folder, arguments)
+    print(table(result), file=sys.stderr)
     if arguments.json or not sys.stdout.isatty():
-        print(json_line(outcome), flush=True)
-    return 0 if outcome.passed else 1
+        print(json_line(result), flush=True)
+    return 0 if result.passed else 1
 
 
 def _run_many(arguments: argparse.Namespace) -> int:
@@ -84,58 +109,37 @@ def _run_many(arguments: argparse.Namespace) -> int:
         raise ExperimentError(f"{option} is for one run: several leave result.json each; --seeds N")
     tasks = _tasks(arguments)
     for task in tasks:
-        _check(task.file, _experiment(task), in_process=task.in_process)
-    entries = _run_all(tasks, arguments)
-    failures = [failure for entry in entries for failure in entry["failures"]]
+        task.experiment()
+    failures = [failure for entry in _run_all(tasks, arguments) for failure in entry["failures"]]
     if any(failure.startswith(NOT_RUN) for failure in failures):
         return 3
     return 1 if failures else 0
 
 
-def _check(file: Path, experiment: Experiment, *, in_process: bool) -> None:
-    """Refuse an experiment that cannot be run, before anything starts.
-
-    Raises:
-        ExperimentError: naming the file, the value and what is permitted.
-    """
-    try:
-        check_parameters(experiment)
-        if in_process:
-            check_one_process(experiment)
-        check_plant(experiment)
-    except (CassieError, ParameterError) as error:
-        raise ExperimentError(f"{file}: {error}") from None
-
-
-def run_experiment(
-    experiment: Experiment,
-    out: Path | None,
-    *,
-    in_process: bool,
-    stack: bool = False,
-    physics_thread: bool = False,
-) -> RunResult:
-    """Run a drawn experiment; its files go into `out`, or nowhere if `out` is None.
+def _result(task: Task, experiment: Experiment, *, physics_thread: bool = False) -> RunResult:
+    """Run a drawn experiment.
 
     Args:
-        experiment: Experiment to run.
-        out: Folder for the files, or None.
-        in_process: Whether all cores run in this process, without nodes.
-        stack: Whether estimator and controller share a process, over DDS.
+        task: The task with folder and options.
+        experiment: Experiment of the task.
         physics_thread: Whether the physics has a thread of its own; not over DDS.
 
     Raises:
         RunError: if the run did not end normally.
         CassieError, ParameterError: naming what cannot be used.
     """
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-    if in_process:
-        return _in_process(experiment, out, physics_thread)
-    if out is not None:
-        return _over_dds(experiment, out, stack)
-    with tempfile.TemporaryDirectory(prefix="cassie_") as folder:
-        return _over_dds(experiment, Path(folder), stack)
+    if task.folder is not None:
+        task.folder.mkdir(parents=True, exist_ok=True)
+    if task.arguments.in_process:
+        return _in_process(experiment, task.folder, physics_thread)
+    from cassie_bags.ros.dds_run import run_over_dds
+
+    with contextlib.ExitStack() as stack:
+        folder = task.folder
+        if folder is None:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="cassie_")))
+        summary = summarize(run_over_dds(experiment, folder, stack=task.arguments.stack))
+    return evaluate(experiment, summary.recording, "dds", lockstep_broken=summary.lockstep_broken)
 
 
 def _in_process(experiment: Experiment, folder: Path | None, physics_thread: bool) -> RunResult:
@@ -164,84 +168,51 @@ def stopped_between(ticks: Iterable[int]) -> Iterator[Iterator[int]]:
         yield itertools.takewhile(lambda _: not signals, ticks)
 
 
-def _over_dds(experiment: Experiment, folder: Path, stack: bool) -> RunResult:
-    from cassie_bags.ros.dds_run import run_over_dds
-
-    summary = summarize(run_over_dds(experiment, folder, stack=stack))
-    return evaluate(experiment, summary.recording, "dds", lockstep_broken=summary.lockstep_broken)
-
-
-def write_results(
-    outcome: RunResult, folder: Path, *, pictures: bool, film: bool = True
+def _write_results(
+    result: RunResult, folder: Path, arguments: argparse.Namespace
 ) -> tuple[RunResult, Entry]:
-    """Write table, JSON, pictures and page beside the bag.
-
-    Args:
-        outcome: Result of the run.
-        folder: Folder of the bag.
-        pictures: Whether to draw pictures and a page.
-        film: Whether to make a video, too.
+    """Write table, JSON, and unless refused pictures and a page beside the bag of a run.
 
     Returns:
         The result with the names of these files, and the content of a page about it.
     """
     bag = folder / "bag.mcap"
     files = {"bag": bag, "experiment": folder / "experiment.yaml", "table": folder / "table.txt"}
-    write_resolved(outcome.experiment, files["experiment"])
+    write_resolved(result.experiment, files["experiment"])
     write_metadata(folder, [contents_of(bag)])
     view = None
-    if pictures:
+    if not arguments.no_pictures:
         from cassie_bags.report.pictures import draw
         from cassie_bags.report.view import view_of_bag
 
-        view = view_of_bag(bag, outcome.experiment.name)
-        files |= draw(view, folder, film=film) | {"report": folder / "report.html"}
+        view = view_of_bag(bag, result.experiment.name)
+        files |= draw(view, folder, film=not arguments.no_video)
+        files["report"] = folder / "report.html"
     names = {name: str(path) for name, path in files.items()}
-    outcome = dataclasses.replace(outcome, files=names)
-    files["table"].write_text(table(outcome) + "\n", encoding="utf-8")
-    (folder / "result.json").write_text(json_line(outcome) + "\n", encoding="utf-8")
-    entry = run_entry(outcome, view, {})
-    if pictures:
-        title = f"Cassie: {outcome.experiment.name}"
+    result = dataclasses.replace(result, files=names)
+    files["table"].write_text(table(result) + "\n", encoding="utf-8")
+    (folder / "result.json").write_text(json_line(result) + "\n", encoding="utf-8")
+    entry = run_entry(result, view, {})
+    if view is not None:
+        title = f"Cassie: {result.experiment.name}"
         files["report"].write_text(page(title, [entry], versions()), encoding="utf-8")
-    return outcome, entry
+    return result, entry
 
 
-@dataclass(frozen=True)
-class Task:
-    """One run: file, seed, changes, folder for its files, and options."""
-
-    file: Path
-    seed: int | None
-    changes: tuple[str, ...]
-    folder: Path
-    in_process: bool
-    stack: bool
-    pictures: bool
-    film: bool
-
-
-def run_task(task: Task) -> Entry:
+def _run_task(task: Task) -> Entry:
     """Run an experiment and write its files.
 
     Returns:
         Content of the page about it; if the run did not end normally, the reason instead.
     """
-    experiment = _experiment(task)
+    experiment = resolve(load_experiment(task.file, task.arguments.set, task.seed))
+    assert task.folder is not None
     try:
-        outcome = run_experiment(
-            experiment, task.folder, in_process=task.in_process, stack=task.stack
-        )
-        _, entry = write_results(outcome, task.folder, pictures=task.pictures, film=task.film)
+        return _write_results(_result(task, experiment), task.folder, task.arguments)[1]
     except (RunError, ValueError, OSError) as error:
         reason = f"{NOT_RUN}: {' '.join(str(error).split())}"
         content = {"name": experiment.name, "seed": experiment.seed, "passed": False}
         return content | {"failures": [reason]}
-    return entry
-
-
-def _experiment(task: Task) -> Experiment:
-    return resolve(load_experiment(task.file, task.changes, task.seed))
 
 
 def _tasks(arguments: argparse.Namespace) -> list[Task]:
@@ -250,20 +221,10 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
     for file in files:
         if stems.count(file.stem) > 1:
             raise ExperimentError(f"two files are called {file.stem}: they would share a folder")
-    changes = consistent(arguments.set)
     seeds: Iterable[int | None] = range(1, arguments.seeds + 1) if arguments.seeds else (None,)
-    out = arguments.out or Path("build/experiments")
+    out = arguments.out or _OUT
     return [
-        Task(
-            file,
-            seed,
-            changes,
-            out / (file.stem if seed is None else f"{file.stem}_{seed}"),
-            arguments.in_process,
-            arguments.stack,
-            not arguments.no_pictures,
-            not arguments.no_video,
-        )
+        Task(file, seed, out / (file.stem if seed is None else f"{file.stem}_{seed}"), arguments)
         for file in files
         for seed in seeds
     ]
@@ -272,11 +233,11 @@ def _tasks(arguments: argparse.Namespace) -> list[Task]:
 def _run_all(tasks: list[Task], arguments: argparse.Namespace) -> list[Entry]:
     """Run all tasks; the page is written again after each run, so that a stop leaves a page."""
     entries_by_task: dict[int, Entry] = {}
-    path = tasks[0].folder.parent / "report.html"
+    path = (arguments.out or _OUT) / "report.html"
     pool: Workers = workers(arguments.jobs, None) if arguments.in_process else ThisProcess()
     bar = progress_bar("run", len(tasks))
     with contextlib.closing(pool), bar:
-        for index, content in pool.results(run_task, tasks):
+        for index, content in pool.results(_run_task, tasks):
             entries_by_task[index] = content
             entries = [entries_by_task[key] for key in sorted(entries_by_task)]
             path.write_text(page("Cassie: experiments", entries, versions()), "utf-8")
