@@ -22,9 +22,10 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cassie_bags.run.cores import Cores, make_cores, tick_count
+from cassie_bags.run.cores import make_cores, tick_count
 from cassie_bags.run.experiment import load_experiment
 from cassie_bags.run.seed import resolve
+from cassie_bags.run.simulate import Cores
 from cassie_control.schedule import ModeTable
 from cassie_msgs import msg
 from cassie_msgs.layout import Mode, MotorCommand, OperatorCommand, RobotState, Sample, Sensors

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
 from cassie_bags.errors import ExperimentError
-from cassie_bags.run.simulate import ControlLoop, Observer
+from cassie_bags.run.simulate import ControlLoop, Cores, Observer
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
 from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.estimator.faults import MonitoredEstimator
 from cassie_control.learning.torque_table import LearnedTorques, load_for_library
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.mode_supervisor import ModeSupervisor
@@ -135,17 +133,6 @@ def makes_gaits(experiment: Experiment) -> bool:
     return bool(source == "optimizer")
 
 
-@dataclass(frozen=True)
-class Cores:
-    """The computing parts of an experiment, without middleware between them."""
-
-    plant: Plant
-    estimator: MonitoredEstimator
-    controller: GaitController
-    supervisor: ModeSupervisor
-    operator: ScriptedOperator
-
-
 def make_cores(experiment: Experiment) -> Cores:
     """The cores of a drawn experiment, at tick 0.
 
@@ -160,15 +147,11 @@ def make_cores(experiment: Experiment) -> Cores:
         from cassie_bags.run.optimized import OptimizedGaitController
 
         make_controller = OptimizedGaitController
+    gaits, learned = load_gaits(experiment), load_learned(experiment)
     return Cores(
         Plant(config, experiment.scenario),
         make_monitored(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
-        make_controller(
-            _controller_config(experiment),
-            load_gaits(experiment),
-            period,
-            load_learned(experiment),
-        ),
+        make_controller(_controller_config(experiment), gaits, period, learned),
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
         ScriptedOperator(experiment.operator, experiment.rider),
     )
@@ -218,14 +201,7 @@ def make_loop(
 
 def connect(cores: Cores, observer: Observer) -> ControlLoop:
     """Cores at tick 0 on the schedule of lock-step; `observer` gets every message."""
-    return ControlLoop(
-        cores.plant,
-        cores.estimator,
-        cores.controller,
-        cores.supervisor,
-        cores.operator,
-        observer,
-    )
+    return ControlLoop(cores, observer)
 
 
 def tick_count(experiment: Experiment) -> int:

@@ -8,16 +8,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
 from cassie_bags.bag.recording import TYPES, Recording, from_messages
-from cassie_control.guarded import (
-    Controller,
-    Estimator,
-    GuardedController,
-    GuardedEstimator,
-    GuardedSupervisor,
-    Supervisor,
-)
+from cassie_control.control.gait_controller import GaitController
+from cassie_control.estimator.faults import MonitoredEstimator
+from cassie_control.guarded import GuardedController, GuardedEstimator, GuardedSupervisor
+from cassie_control.supervisor.mode_supervisor import ModeSupervisor
 from cassie_msgs.layout import Mode, MotorCommand, RobotState, Sample
 from cassie_msgs.schedule import PERIOD_TICKS, STATUS_TICKS
 from cassie_sim import ground_truth
@@ -30,6 +27,17 @@ Observer = Callable[[str, bytes, int], None]
 """Takes topic, serialized message and its robot time (ns), in the order of the schedule."""
 
 
+@dataclass(frozen=True)
+class Cores:
+    """The computing parts of an experiment at tick 0, without middleware between them."""
+
+    plant: Plant
+    estimator: MonitoredEstimator
+    controller: GaitController
+    supervisor: ModeSupervisor
+    operator: ScriptedOperator
+
+
 class ControlLoop:
     """One run of the cores on the schedule of lock-step.
 
@@ -39,27 +47,15 @@ class ControlLoop:
     plant steps.
 
     Args:
-        plant: Plant at tick 0.
-        estimator: Estimator, reset.
-        controller: Controller, reset.
-        supervisor: Supervisor, reset.
-        operator: The scripted operator.
+        cores: Cores, reset.
         observer: Gets each message.
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        estimator: Estimator,
-        controller: Controller,
-        supervisor: Supervisor,
-        operator: ScriptedOperator,
-        observer: Observer,
-    ) -> None:
-        self._plant, self._operator, self._observer = plant, operator, observer
-        self._estimator = GuardedEstimator(estimator)
-        self._controller = GuardedController(controller)
-        self._supervisor = GuardedSupervisor(supervisor)
+    def __init__(self, cores: Cores, observer: Observer) -> None:
+        self._plant, self._operator, self._observer = cores.plant, cores.operator, observer
+        self._estimator = GuardedEstimator(cores.estimator)
+        self._controller = GuardedController(cores.controller)
+        self._supervisor = GuardedSupervisor(cores.supervisor)
         self._truth, self._segway = ground_truth.GroundTruth(), SegwayTruth()
         self._mode, self._next_mode = Mode(), Mode()
         self._power = self._next_power = False

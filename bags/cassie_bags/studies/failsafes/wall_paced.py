@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from cassie_bags.run.cores import Cores, make_cores
+from cassie_bags.run.cores import make_cores
+from cassie_bags.run.simulate import Cores
 from cassie_bags.studies.failsafes.participants import (
     CONTROLLER,
     ESTIMATOR,
