@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 import re
 import signal
 import sys
-import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -43,6 +44,8 @@ NODES = {
 STACK = ("state_estimator", "gait_controller")
 """Nodes that `--stack` runs as one process."""
 
+Found = TypeVar("Found")
+
 _CHECK_PERIOD = 0.1  # s between two checks of the processes
 
 
@@ -51,94 +54,51 @@ def run_robot(arguments: argparse.Namespace) -> int:
     stop = Stop()
     # A shell makes background commands ignore Ctrl-C; if it is sent nevertheless, it is meant.
     follow_signals(stop, signal.SIGHUP)
-    logs = arguments.logs or _log_folder()
+    logs, code = arguments.logs or _log_folder(), ENDED
     try:
         commands = node_commands(arguments)
         _refuse_second(arguments)
         with command_node("robot") as (node, executor):
-            code = _watch(arguments, commands, logs, node, executor, stop)
+            try:
+                with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
+                    for name, command in commands.items():
+                        processes.start(name, command)
+                    _say(f"starting {', '.join(commands)}; logs in {logs}")
+                    if _await_robot(node, executor, processes, stop):
+                        address = console_address(processes, stop) if arguments.console else ""
+                        if not stop.requested:
+                            _say(_ready(arguments, address))
+                    _watch(commands, processes, node, stop)
+                _say("ended")
+            except RunError as error:  # printed before any node leaves DDS, which may hang
+                print(f"robot: error: {error}; logs in {logs}", file=sys.stderr)
+                code = NODE_LOST
             end_within(2 * LEAVE_TIMEOUT, code)
-            return code
     except (RunError, ValueError, OSError) as error:
         print(f"robot: error: {error}", file=sys.stderr)
         return NODE_LOST if isinstance(error, RunError) else WRONG_INPUT
+    return code
 
 
-def _watch(
-    arguments: argparse.Namespace,
-    commands: Mapping[str, Sequence[str | Path]],
-    logs: Path,
-    node: Node,
-    executor: SingleThreadedExecutor,
-    stop: Stop,
-) -> int:
-    """Start the nodes; end them when a stop is requested or one of them ends.
+def _watch(commands: Iterable[str], processes: Processes, node: Node, stop: Stop) -> None:
+    """Wait for a stop; report nodes that run but have left ROS's graph.
 
-    Args:
-        arguments: Arguments of the command.
-        commands: Command of each process, by name.
-        logs: Folder for the output of the processes.
-        node, executor: Node that receives the supervisor's status, and its executor.
-        stop: Stop of all nodes.
-
-    Returns:
-        The exit code. Errors are printed before any node leaves DDS, which may hang.
+    Raises:
+        RunError: if a process ends.
     """
-    try:
-        with Processes({**os.environ, "PYTHONUNBUFFERED": "1"}, logs) as processes:
-            for name, command in commands.items():
-                processes.start(name, command)
-            _say(f"starting {', '.join(commands)}; logs in {logs}")
-            if _await_robot(node, executor, processes, stop):
-                address = console_address(processes, stop) if arguments.console else ""
-                if not stop.requested:
-                    _say(_ready(arguments, address))
-            names = [n for name in commands for n in (STACK if name == "stack" else (name,))]
-            silent = SilentNodes(names)
-            while not stop.wait(_CHECK_PERIOD):
-                processes.check()
-                for word in silent.report(node.get_node_names(), time.monotonic()):
-                    _say(word)
-    except RunError as error:
-        print(f"robot: error: {error}; logs in {logs}", file=sys.stderr)
-        return NODE_LOST
-    _say("ended")
-    return ENDED
-
-
-class SilentNodes:
-    """Nodes that run but have left ROS's graph: they hang, or were stopped.
-
-    Args:
-        names: Names of the expected nodes.
-    """
-
-    def __init__(self, names: Sequence[str]) -> None:
-        self._names = names
-        self._seen: dict[str, float] = {}
-        self._reported: set[str] = set()
-
-    def report(self, present: Sequence[str], now: float) -> list[str]:
-        """Report each node once that has been absent for `SILENT_AFTER`.
-
-        Args:
-            present: Names of the nodes in the graph.
-            now: Present time. In s.
-        """
-        words = []
-        for name in self._names:
-            if name in present:
-                self._seen[name] = now
-                self._reported.discard(name)
-            elif (
-                name not in self._reported and now - self._seen.setdefault(name, now) > SILENT_AFTER
-            ):
-                words.append(
+    names = [n for name in commands for n in (STACK if name == "stack" else (name,))]
+    seen: dict[str, float] = {}
+    while not stop.wait(_CHECK_PERIOD):
+        processes.check()
+        present, now = node.get_node_names(), time.monotonic()
+        seen |= {name: now for name in names if name in present}
+        for name in names:
+            if now - seen.setdefault(name, now) > SILENT_AFTER:
+                _say(
                     f"{name} runs, but nothing has been heard of it for {SILENT_AFTER:g} s: "
                     "it hangs, or was stopped; Ctrl-C ends all"
                 )
-                self._reported.add(name)
-        return words
+                seen[name] = math.inf  # said once
 
 
 def node_commands(arguments: argparse.Namespace) -> dict[str, list[str | Path]]:
@@ -201,26 +161,24 @@ def _await_robot(
     """Wait until the supervisor reports a state; False if stopped before.
 
     Raises:
-        RunError: if a node ends, or at the time-out.
+        RunError: as `_await`.
     """
-    heard = threading.Event()
+    episodes: list[int] = []
 
-    def listen(status: SupervisorStatus) -> None:
-        if status.episode:
-            heard.set()
+    def reported() -> bool:
+        executor.spin_once(timeout_sec=_CHECK_PERIOD)
+        return any(episodes)
 
-    topic = "/cassie/supervisor_status"
-    subscription = node.create_subscription(SupervisorStatus, topic, listen, 10)
-    deadline = time.monotonic() + TIMEOUT
+    subscription = node.create_subscription(
+        SupervisorStatus,
+        "/cassie/supervisor_status",
+        lambda status: episodes.append(status.episode),
+        10,
+    )
     try:
-        while not (heard.is_set() or stop.requested):
-            processes.check()
-            if time.monotonic() > deadline:
-                raise RunError(f"the robot is not ready after {TIMEOUT:g} s")
-            executor.spin_once(timeout_sec=_CHECK_PERIOD)
+        return bool(_await(reported, "the robot is not ready", processes, stop))
     finally:
         node.destroy_subscription(subscription)
-    return heard.is_set()
 
 
 def console_address(processes: Processes, stop: Stop) -> str:
@@ -229,18 +187,34 @@ def console_address(processes: Processes, stop: Stop) -> str:
     Empty if stopped before.
 
     Raises:
-        RunError: if a node ends, or at the time-out.
+        RunError: as `_await`.
+    """
+
+    def printed() -> re.Match[str] | None:
+        stop.wait(_CHECK_PERIOD)
+        text = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
+        return re.search(r"open (https?://\S+)\n", text)
+
+    address = _await(printed, "web_console does not listen", processes, stop)
+    return address[1] if address else ""
+
+
+def _await(
+    look: Callable[[], Found | None], problem: str, processes: Processes, stop: Stop
+) -> Found | None:
+    """What `look` finds, which waits a little itself; None if stopped before.
+
+    Raises:
+        RunError: if a process ends, or at the time-out, with the problem.
     """
     deadline = time.monotonic() + TIMEOUT
     while not stop.requested:
         processes.check()
-        printed = processes.log("web_console").read_text(encoding="utf-8", errors="replace")
-        if address := re.search(r"open (https?://\S+)\n", printed):
-            return address[1]
+        if found := look():
+            return found
         if time.monotonic() > deadline:
-            raise RunError(f"web_console does not listen after {TIMEOUT:g} s")
-        stop.wait(_CHECK_PERIOD)
-    return ""
+            raise RunError(f"{problem} after {TIMEOUT:g} s")
+    return None
 
 
 def _ready(arguments: argparse.Namespace, address: str) -> str:
