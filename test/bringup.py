@@ -162,7 +162,7 @@ class Robot:
         """Start nodes; all of the loop if none is named."""
         for name in names or PACKAGES:
             own = self._parameters[name] | parameters
-            words = write_parameters(self.folder / f"{name}.yaml", own)
+            words = write_parameters(self.folder / f"{name}.yaml", {"/**": own})
             package = PACKAGES.get(name) or BESIDE[name]
             self.processes.start(name, [executable(package, name), *words])
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,13 +19,10 @@ from cassie_msgs.ros.fast_lane import RawSubscription
 from cassie_msgs.ros.process import LEAVE_TIMEOUT
 from cassie_msgs.ros.transport import use_loopback
 
-_CHECK_PERIOD, _QUIET = (
-    0.02,
-    0.1,
-)  # s between two checks of the nodes; s without a change before it ends
+_CHECK_PERIOD = 0.02  # s between two checks of the nodes
+_QUIET = 0.1  # s without a change before it ends
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _PAUSE_SERVICE = "/cassie/pause"
-_STAMP = struct.Struct("<4xiI")
 
 
 @contextmanager
@@ -108,8 +104,7 @@ class SimulatorClient:
 
     def robot_time(self) -> float:
         """Newest robot time on /clock. In s."""
-        raw = self._clock.take_raw()
-        if raw is not None:
-            seconds, nanoseconds = _STAMP.unpack_from(raw)
-            self._time = seconds + nanoseconds * 1e-9
+        message = self._clock.take_message()
+        if message is not None:
+            self._time = message.clock.sec + message.clock.nanosec * 1e-9
         return self._time

@@ -117,13 +117,14 @@ def start_nodes(
     places = processors_of(simulator_config(experiment), os.sched_getaffinity(0))
     if stack:
         own = {name: parameters[name] for name in STACKED}
-        words = write_parameters(folder / "parameters" / "stack.yaml", own, by_node=True)
+        words = write_parameters(folder / "parameters" / "stack.yaml", own)
         program = executable("cassie_control", "stack")
         processes.start("stack", [program, *words], places.get("gait_controller", ()))
     for name, (package, _) in NODES.items():
         if stack and name in STACKED:
             continue
-        words = write_parameters(folder / "parameters" / f"{name}.yaml", parameters[name])
+        own = {"/**": parameters[name]}
+        words = write_parameters(folder / "parameters" / f"{name}.yaml", own)
         command = (programs or {}).get(name) or [executable(package, name)]
         processes.start(name, [*command, *words], places.get(name, ()))
 

@@ -48,12 +48,11 @@ def own_domain() -> Iterator[int]:
     Raises:
         RunError: if all domains are used.
     """
-    with contextlib.ExitStack() as stack:
-        try:
-            domain = stack.enter_context(run_domain())
-        except SecondNodeError as error:
-            raise RunError(str(error)) from None
-        yield domain
+    try:
+        with run_domain() as domain:
+            yield domain
+    except SecondNodeError as error:
+        raise RunError(str(error)) from None
 
 
 def environment(domain: int) -> dict[str, str]:
@@ -66,19 +65,10 @@ def environment(domain: int) -> dict[str, str]:
     }
 
 
-def write_parameters(
-    path: Path, parameters: Mapping[str, Any], *, by_node: bool = False
-) -> list[str]:
-    """Write ROS parameters to a file; returns the arguments that make a node read the file.
-
-    Args:
-        path: File to write.
-        parameters: Values by name; or, for a process of several nodes, parameters by node.
-        by_node: Whether `parameters` are by node.
-    """
+def write_parameters(path: Path, parameters: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Write ROS parameters by node to a file; returns the arguments that make a node read it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    owners = dict(parameters) if by_node else {"/**": parameters}
-    content = {owner: {"ros__parameters": dict(own)} for owner, own in owners.items()}
+    content = {node: {"ros__parameters": dict(own)} for node, own in parameters.items()}
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return ["--ros-args", "--params-file", str(path)]
 
@@ -183,11 +173,13 @@ class Processes:
             (signal.SIGKILL, GRACE),
         ):
             alive = [process for process in chosen.values() if process.poll() is None]
+            deadline = time.monotonic() + timeout
             for process in alive:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(process.pid, number)
-            if not alive or _all_end(alive, timeout):
-                return
+            for process in alive:
+                with contextlib.suppress(subprocess.TimeoutExpired):
+                    process.wait(max(0.0, deadline - time.monotonic()))
 
     def __enter__(self) -> Processes:
         return self
@@ -198,13 +190,3 @@ class Processes:
     def _last_line(self, name: str) -> str:
         lines = self.log(name).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return lines[-1] if lines else "it printed nothing"
-
-
-def _all_end(processes: Sequence[subprocess.Popen[bytes]], timeout: float) -> bool:
-    deadline = time.monotonic() + timeout
-    for process in processes:
-        try:
-            process.wait(max(0.0, deadline - time.monotonic()))
-        except subprocess.TimeoutExpired:
-            return False
-    return True
