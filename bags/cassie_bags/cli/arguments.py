@@ -13,27 +13,19 @@ from cassie_bags.studies.trial import SEEDS
 from cassie_msgs.tunables import unknown_name
 
 
-def positive(word: str) -> int:
-    """A whole number of 1 or more.
+def whole(least: int) -> Callable[[str], int]:
+    """A reader of whole numbers; it refuses a word that is no whole number of `least` or more."""
 
-    Raises:
-        argparse.ArgumentTypeError: if it is not one.
-    """
-    value = int(word) if word.isdecimal() else 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 1 or more")
-    return value
+    def read(word: str) -> int:
+        if not word.isdecimal() or int(word) < least:
+            raise argparse.ArgumentTypeError(f"{word} is not a whole number of {least} or more")
+        return int(word)
+
+    return read
 
 
-def count(word: str) -> int:
-    """A whole number of 0 or more.
-
-    Raises:
-        argparse.ArgumentTypeError: if it is not one.
-    """
-    if not word.isdecimal():
-        raise argparse.ArgumentTypeError(f"{word} is not a whole number of 0 or more")
-    return int(word)
+count, positive = whole(0), whole(1)
+"""Readers of whole numbers from 0 and from 1."""
 
 
 def in_range(low: float, high: float, expected: str) -> Callable[[str], float]:

@@ -13,7 +13,6 @@ import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
 
 from cassie_bags.errors import BagError, RunError
 from cassie_msgs.processes import STOPPED, run_command
@@ -42,18 +41,6 @@ def exit_codes(ok: str, not_as_expected: str = "", *, runs: bool = True, node: b
     return f"Exit codes: {', '.join(words)}."
 
 
-class Main(Protocol):
-    """Entry point of a command, as setup.py names it."""
-
-    def __call__(self, argv: Sequence[str] | None = None) -> int:
-        """Run the command; returns the exit code.
-
-        Args:
-            argv: Words after the command's name; those of this process if None.
-        """
-        ...
-
-
 def study(module: str) -> Callable[[argparse.Namespace], int]:
     """The function `run` of a module of `studies`, which is imported when it runs, as that is slow.
 
@@ -69,12 +56,16 @@ def study(module: str) -> Callable[[argparse.Namespace], int]:
 
 def command(
     parser: Callable[[], argparse.ArgumentParser], run: Callable[[argparse.Namespace], int]
-) -> Main:
-    """Entry point of a command. SIGTERM ends the command as Ctrl-C does.
+) -> Callable[..., int]:
+    """Entry point of a command, as setup.py names it. SIGTERM ends the command as Ctrl-C does.
 
     Args:
         parser: Makes the parser of the command.
         run: Gets the arguments, returns the exit code.
+
+    Returns:
+        A function of the words after the command's name, by default those of this process, that
+        returns the exit code.
     """
 
     def main(argv: Sequence[str] | None = None) -> int:
