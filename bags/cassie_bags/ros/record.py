@@ -26,11 +26,12 @@ from cassie_bags.bag.clock import RobotClock
 from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
+from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.bag.writer import BagWriter, FolderWriter
 from cassie_bags.cli.record import MIB, is_file
 from cassie_bags.errors import BagError
 from cassie_bags.ros.node_parameters import PARAMETERS_RECORD, NodeParameters, parameters_record
-from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos, recorded_qos
+from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos
 from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
 from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
@@ -407,7 +408,9 @@ class Session:
         if qos is None:
             return False
         try:
-            channel = self._bag.add_topic(topic, type_name, recorded_qos(qos, 100 if lane else 10))
+            depth = 100 if lane else 10  # of a writer, for a replay
+            stored = Qos(qos.reliability.name.lower(), qos.durability.name.lower(), depth=depth)
+            channel = self._bag.add_topic(topic, type_name, stored)
             subscription = RecordedTopic(self._node, type_name, topic, qos, channel)
         except ValueError as error:
             self._unknown.add(topic)

@@ -7,11 +7,10 @@ from importlib import import_module
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
 from cassie_bags.bag.recording import message_check
-from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.errors import BagError
 from cassie_msgs.ros.fast_lane import RawSubscription
 from cassie_msgs.sample import LayoutError
@@ -103,12 +102,7 @@ def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
     Returns:
         Reliable if all writers are, and latched if all writers are; None if there is no writer yet.
     """
-    profile = QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=DEPTH,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.VOLATILE,
-    )
+    profile = QoSProfile(depth=DEPTH)  # reliable, not latched
     if lossless:
         return profile
     offers = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
@@ -119,13 +113,3 @@ def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
     if all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers):
         profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
     return profile
-
-
-def recorded_qos(qos: QoSProfile, depth: int) -> Qos:
-    """QoS as a bag stores it for a replay.
-
-    Args:
-        qos: QoS of the subscription.
-        depth: Queue length of a writer.
-    """
-    return Qos(qos.reliability.name.lower(), qos.durability.name.lower(), depth=depth)
