@@ -282,11 +282,12 @@ def test_what_befell_nodes_is_told(tmp_path: Path):
 def test_falls_are_found_in_every_episode():
     parts = [glide(1.0, episode=1, tilt_from=0.5), glide(1.0, episode=2)]
     lane = {topic: np.concatenate([part.lane[topic] for part in parts]) for topic in parts[0].lane}
-    both = type(parts[0])(lane, np.concatenate([part.truth for part in parts]), 1.0)
+    truth = np.concatenate([part.truth for part in parts])
+    both = replace(parts[0], lane=lane, truth=truth)
     assert falls(both) == {1: pytest.approx(0.5)}
     assert episodes(only_episode(both, 1)) == [1]
     np.testing.assert_array_equal(only_episode(both, 2).truth, parts[1].truth)
-    assert falls(type(both)(lane, both.truth[:0], 1.0)) is None
+    assert falls(replace(both, truth=both.truth[:0])) is None
 
 
 def test_a_folder_of_ros2_bag_and_a_text_path_give_the_same_arrays(bag: Path, folder: Path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import compress
 from pathlib import Path
@@ -183,7 +183,10 @@ def summarize(bag: Path | str) -> Summary:
         strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
         episodes=_episodes(recording, of_run[Sensors.TOPIC]),
         modes=_modes(recording, of_run, status),
-        faults=_faults(status) if status else _rejected(recording, of_run[RobotState.TOPIC]),
+        faults=_faults(
+            [(time, message.faults) for time, message in status]
+            or _rejected(recording, of_run[RobotState.TOPIC])
+        ),
         has_status=bool(status),
         nodes=_node_events(messages.get(EVENTS_TOPIC, []), times.get(EVENTS_TOPIC, [])),
         problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),
@@ -283,40 +286,40 @@ def _shown_reason(
         return "the drives have no power" if state is not None and state["power"] <= 0.5 else ""
     if command is not None and command["mode"] == mode:
         return "the operator asked for it"
-    faults = int(state["sensor_faults"]) if state is not None else 0
-    failed = [name for bit, name in enumerate(SENSOR_CHANNELS) if faults >> bit & 1]
+    failed = _channels(state["sensor_faults"]) if state is not None else []
     words = [f"the estimator rejects {', '.join(failed)}"] if failed else []
     if command is not None:
         words.append(f"{_mode_name(command['mode'])} was asked for")
     return "; ".join(words)
 
 
-def _faults(status: Sequence[tuple[int, Any]]) -> list[Interval]:
+def _faults(reported: Iterable[tuple[int, Collection[str]]]) -> list[Interval]:
+    """Intervals of faults, from times (ns) and the faults that there are from each time on."""
     began: dict[str, float] = {}
     faults = []
     now = 0.0
-    for time, message in status:
+    for time, names in reported:
         now = time * 1e-9
-        for fault in began.keys() - set(message.faults):
+        for fault in began.keys() - set(names):
             faults.append(Interval(fault, began.pop(fault), now))
-        for fault in message.faults:
+        for fault in names:
             began.setdefault(fault, now)
     faults += [Interval(fault, t0, now) for fault, t0 in began.items()]
     return sorted(faults, key=lambda fault: (fault.t0, fault.name))
 
 
-def _rejected(recording: Recording, times: list[int]) -> list[Interval]:
-    """Intervals in which the estimator rejected a sensor."""
-    masks = recording.lane[RobotState.TOPIC]["sensor_faults"].astype(np.uint64)
-    found = []
-    for bit, channel in enumerate(SENSOR_CHANNELS):
-        rejected = (masks >> np.uint64(bit)) & np.uint64(1)
-        for start, end in runs(rejected):
-            if rejected[start]:
-                t1 = times[min(end, len(times) - 1)]
-                name = f"{channel} rejected by the estimator"
-                found.append(Interval(name, times[start] * 1e-9, t1 * 1e-9))
-    return sorted(found, key=lambda fault: (fault.t0, fault.name))
+def _rejected(recording: Recording, times: list[int]) -> Iterator[tuple[int, Collection[str]]]:
+    """Times (ns) and the sensors that the estimator rejects from each time on."""
+    masks = recording.lane[RobotState.TOPIC]["sensor_faults"]
+    for start, end in runs(masks):
+        names = [f"{channel} rejected by the estimator" for channel in _channels(masks[start])]
+        yield times[start], names
+        if end == len(times):
+            yield times[-1], names
+
+
+def _channels(mask: Any) -> list[str]:
+    return [name for bit, name in enumerate(SENSOR_CHANNELS) if int(mask) >> bit & 1]
 
 
 def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:
