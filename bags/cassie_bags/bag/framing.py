@@ -207,12 +207,12 @@ class RecordReader:
     def _parses(self, position: int, kind: int) -> bool:
         """Whether the record that begins here has intact content of a kind before the index."""
         _, length = _HEADER.unpack(self._read(position, _HEADER.size))
-        if kind not in _BEFORE_INDEX or length > self._size - position - _HEADER.size:
+        begin = position + _HEADER.size
+        if kind not in _BEFORE_INDEX or length > self._size - begin:
             return False
-        content = self._read(position + _HEADER.size, length)
-        if kind == Opcode.CHUNK and not _is_chunk_start(content, length):
+        if kind == Opcode.CHUNK and not _is_chunk_start(self._read(begin, 48), length):
             return False
-        return _is_whole(kind, content)
+        return _is_whole(kind, self._read(begin, length))
 
     def _read(self, position: int, length: int) -> bytes:
         self._stream.seek(position)
@@ -235,21 +235,17 @@ class RecordReader:
 
     def _is_intact(self, position: int) -> bool:
         opcode, length = self._record_header(position)
-        if not opcode or (opcode == Opcode.FOOTER and not self._is_at_end(position)):
-            return False
         begin = position + _HEADER.size
         end = begin + length
-        if opcode == Opcode.CHUNK and not _is_chunk_start(self._read(begin, 48), length):
-            return False
+        if opcode == Opcode.FOOTER:
+            return self._is_at_end(position) and length == _FOOTER.size - _HEADER.size
         if opcode == Opcode.DATA_END:
             summary = self._summary_section()
             return summary is not None and summary[0] == end
-        content = self._read(begin, length)
-        if not _is_whole(opcode, content):
-            return False
-        if opcode == Opcode.METADATA and content.startswith(b"\0\0\0\0"):  # without a name
-            return False
-        return opcode == Opcode.FOOTER or end == self._size or self._is_record(end)
+        if opcode == Opcode.METADATA and self._read(begin, _CRC.size) == bytes(_CRC.size):
+            return False  # without a name
+        whole = bool(opcode) and self._parses(position, opcode)
+        return whole and (end == self._size or self._is_record(end))
 
     def _is_at_end(self, position: int) -> bool:
         """Whether a footer at this position ends the file."""
