@@ -304,6 +304,16 @@ def test_a_chunk_also_ends_after_a_fifth_of_a_second_of_wall_time(tmp_path: Path
     bag.close()
 
 
+def test_a_bag_begins_with_its_first_chunk_also_at_time_0(tmp_path: Path, messages):
+    """Its metadata had the time of the second chunk."""
+    with BagWriter(tmp_path / "still.mcap") as bag:
+        channel = bag.add_topic(RobotState.TOPIC, RobotState.TYPE)
+        bag.write(channel, messages[RobotState.TOPIC][0], 0, 1_000)
+        bag.flush_if_due(200_001_000)
+        bag.write(channel, messages[RobotState.TOPIC][1], 5_000, 300_000_000)
+    assert (bag.contents.start, bag.contents.end) == (0, 5_000)
+
+
 def test_a_closed_bag_can_be_closed_again(tmp_path: Path):
     bag = BagWriter(tmp_path / "empty.mcap")
     bag.close()
