@@ -76,7 +76,7 @@ class _Listener:
         self._thread.start()
         run_as(Place.OPERATOR)
 
-    def move(self, vx: float, *pressed: str) -> None:
+    async def move(self, vx: float, *pressed: str) -> None:
         """Publish the positions of the joystick."""
         down = {_XBOX[name] for name in pressed}
         axes = [0.0, vx, *[0.0] * (_AXES - 2)]
@@ -200,11 +200,11 @@ async def _walk(page: _Page, listener: _Listener) -> None:
     await _until(lambda: page.mode == "walk", "walking")
     for button in ("start", "walk", "enable"):
         for _ in range(10):  # a press must last
-            listener.move(0.0, button)
+            await listener.move(0.0, button)
             await asyncio.sleep(0.02)
     await page.beat(forward=0.5)
     await _until(lambda: listener.changed("web_console")[0] > 0.0, "the page to move it")
-    listener.move(0.5, "enable")
+    await listener.move(0.5, "enable")
     await _until(lambda: listener.changed("rc_teleop")[0] > 0.0, "the joystick")
 
 
@@ -218,11 +218,12 @@ async def _measure(
         if time.monotonic() - began > seconds:
             break
         share = 0.3 + 0.3 * (number % 97) / 97  # differs from the last one
-        await asyncio.sleep(0.006 + 0.001 * (number % 15))
-        moved = page.beat(forward=share)
-        delays["page"].append(await _delay(listener, "web_console", moved))
-        await asyncio.sleep(0.006 + 0.001 * (number % 15))
-        delays["joy"].append(await _delay(listener, "rc_teleop", _moved(listener, share)))
+        for stick, node, move in (
+            ("page", "web_console", page.beat(forward=share)),
+            ("joy", "rc_teleop", listener.move(share, "enable")),
+        ):
+            await asyncio.sleep(0.006 + 0.001 * (number % 15))
+            delays[stick].append(await _delay(listener, node, move))
     took = time.monotonic() - began
     used = _processor_time(console) - used
     await asyncio.sleep(1.5)  # until the newest count has arrived
@@ -232,10 +233,6 @@ async def _measure(
         "stick_to_command_page_p99_ms": 1e3 * float(np.percentile(delays["page"], 99)),
         "stick_to_command_joy_p99_ms": 1e3 * float(np.percentile(delays["joy"], 99)),
     }
-
-
-async def _moved(listener: _Listener, share: float) -> None:
-    listener.move(share, "enable")
 
 
 async def _delay(listener: _Listener, node: str, move: Awaitable[None]) -> float:
