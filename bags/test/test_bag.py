@@ -452,7 +452,7 @@ def test_types_of_topics_are_known_after_reading(bag: Path):
     index = BagIndex()
     count = sum(1 for _ in read_messages(bag, ["/cassie/state"], index))
     assert count == 1000
-    assert index.types["/cassie/state"] == "cassie_msgs/msg/RobotState"
+    assert index.types["/cassie/state"] == ["cassie_msgs/msg/RobotState"]
     assert index.complete
 
 

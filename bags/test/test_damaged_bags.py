@@ -60,7 +60,7 @@ def test_a_damaged_chunk_costs_what_is_in_it_and_no_more(tmp_path: Path, bag: Pa
     assert len(left) == 1000 - 100
     assert index.lost_bytes == end - start
     assert not index.complete
-    assert index.types[RobotState.TOPIC] == RobotState.TYPE
+    assert index.types[RobotState.TOPIC] == [RobotState.TYPE]
     assert [seq for _, seq, *_ in read_messages(copy, [RobotState.TOPIC])] == left
 
 

@@ -22,11 +22,9 @@ class BagIndex:
     """Index of a bag, filled while the bag is read.
 
     Attributes:
-        types: Message type by topic; the first one of a topic with several types, and empty for a
-            topic without a schema.
-        other_types: Further message types of the topics that have several.
-        definitions: Text of the definition, by message type.
-        definition_encodings: Language of the definition, by message type.
+        types: Message types by topic, in the order of their appearance; empty is that of a topic
+            without a schema.
+        schemas: Definition by message type.
         unreadable: By topic, why its messages are not ROS 2 messages of one type.
         metadata: Metadata records by name.
         complete: Whether the file was closed properly and nothing in it is damaged.
@@ -35,40 +33,29 @@ class BagIndex:
             numbers tell: the recorder did not get them, or the file is damaged there.
     """
 
-    types: dict[str, str] = field(default_factory=dict)
-    other_types: dict[str, list[str]] = field(default_factory=dict)
-    definitions: dict[str, str] = field(default_factory=dict)
-    definition_encodings: dict[str, str] = field(default_factory=dict)
+    types: dict[str, list[str]] = field(default_factory=dict)
+    schemas: dict[str, Schema] = field(default_factory=dict)
     unreadable: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
     lost_bytes: int = 0
     lost: dict[str, int] = field(default_factory=dict)
 
-    def all_types(self, topic: str) -> list[str]:
-        """All message types of a topic, the first one first."""
-        return [self.types[topic], *self.other_types.get(topic, [])]
-
     def add_channel(self, channel: Channel, schema: Schema) -> None:
         """Note the type of a channel's topic, and why the topic cannot be read, if it cannot."""
-        kind = schema.name
-        before = self.types.get(channel.topic, kind)
+        kind, kinds = schema.name, self.types.setdefault(channel.topic, [])
+        if kind not in kinds:
+            kinds.append(kind)
+        self.schemas[kind] = schema
         if channel.message_encoding not in ("cdr", ""):
             reason = f"its messages are encoded as {channel.message_encoding}, not as cdr"
         elif not kind:
             reason = "the bag names no message type"
-        elif before != kind:
-            reason = f"the bag names two message types, {before} and {kind}"
+        elif kinds[0] != kind:
+            reason = f"the bag names two message types, {kinds[0]} and {kind}"
         else:
-            reason = ""
-        if reason:
-            self.unreadable[channel.topic] = reason
-        self.types.setdefault(channel.topic, kind)
-        others = self.other_types.get(channel.topic, [])
-        if kind not in (before, *others):
-            self.other_types[channel.topic] = [*others, kind]
-        self.definitions[kind] = schema.data.decode("utf-8", "replace")
-        self.definition_encodings[kind] = schema.encoding
+            return
+        self.unreadable[channel.topic] = reason
 
 
 def read_messages(

@@ -176,7 +176,7 @@ def summarize(bag: Path | str) -> Summary:
         duration=(last - first) * 1e-9,
         wall_time=wall if walls else (last_wall - first_wall) * 1e-9,
         topics=[
-            _topic(t, ", ".join(index.all_types(t)), times.get(t, []), of_run.get(t))
+            _topic(t, ", ".join(index.types[t]), times.get(t, []), of_run.get(t))
             for t in sorted(index.types)
         ],
         gaps=gaps(recording, from_start=False),
@@ -220,8 +220,8 @@ def _decoded(
     Messages of another type than that of `_KINDS` are left out, with all of their topic.
     """
     kind = _KINDS[topic]
-    if (raw := messages.get(topic)) and index.all_types(topic) == [kind]:
-        yield from zip(times[topic], decode(kind, index.definitions[kind], raw), strict=True)
+    if (raw := messages.get(topic)) and index.types[topic] == [kind]:
+        yield from zip(times[topic], decode(index.schemas[kind], raw), strict=True)
 
 
 def _topic(topic: str, kind: str, times: list[int], of_run: list[int] | None) -> TopicSummary:

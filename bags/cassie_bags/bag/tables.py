@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from mcap.records import Schema
 
 from cassie_bags.bag.fields import FIELDS, Field, standard_field
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
@@ -196,7 +197,7 @@ def _curve(table: Table, name: str) -> Curve:
 def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) -> Table:
     if topic in index.unreadable:
         raise BagError(index.unreadable[topic])
-    kind = index.types[topic]
+    kind = index.types[topic][0]
     raw = [data for _, _, data in messages]
     log_time = _integers([time for time, _, _ in messages])
     publish_time = _integers([time for _, time, _ in messages])
@@ -204,9 +205,9 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
     if rows is not None:
         names = rows.dtype.names or ()
         return Table(topic, kind, log_time, publish_time, {name: rows[name] for name in names})
-    if (encoding := index.definition_encodings[kind]) not in ("ros2msg", ""):
+    if (encoding := index.schemas[kind].encoding) not in ("ros2msg", ""):
         raise BagError(f"the definition of {kind} is written in {encoding}, not in ros2msg")
-    fields, left_out = _decoded(kind, index.definitions[kind], raw)
+    fields, left_out = _decoded(index.schemas[kind], raw)
     return Table(topic, kind, log_time, publish_time, fields, left_out)
 
 
@@ -228,7 +229,7 @@ def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
         return None
 
 
-def decode(kind: str, definition: str, raw: Collection[bytes]) -> Iterator[Any]:
+def decode(schema: Schema, raw: Collection[bytes]) -> Iterator[Any]:
     """Messages of any type as objects, decoded by the definition in the bag.
 
     Raises:
@@ -238,19 +239,17 @@ def decode(kind: str, definition: str, raw: Collection[bytes]) -> Iterator[Any]:
 
     try:
         store = get_typestore(Stores.EMPTY)
-        store.register(get_types_from_msg(definition, kind))
+        store.register(get_types_from_msg(schema.data.decode("utf-8", "replace"), schema.name))
         for data in raw:
-            yield store.deserialize_cdr(data, kind)
+            yield store.deserialize_cdr(data, schema.name)
     except Exception as error:  # rosbags raises whatever its generated code does
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise BagError(f"cannot decode messages of {kind}: {reason}") from None
+        raise BagError(f"cannot decode messages of {schema.name}: {reason}") from None
 
 
-def _decoded(
-    kind: str, definition: str, raw: list[bytes]
-) -> tuple[dict[str, Array], tuple[str, ...]]:
+def _decoded(schema: Schema, raw: list[bytes]) -> tuple[dict[str, Array], tuple[str, ...]]:
     left_out: dict[str, None] = {}
-    rows = [dict(_flat(message, "", left_out)) for message in decode(kind, definition, raw)]
+    rows = [dict(_flat(message, "", left_out)) for message in decode(schema, raw)]
     names = dict.fromkeys(name for row in rows for name in row)
     fields = {
         f"message.{name}" if name in _RESERVED else name: _column([row.get(name) for row in rows])

@@ -175,7 +175,7 @@ class Replay(Node):
         """
         if topic in index.unreadable:
             raise BagError(index.unreadable[topic])
-        kind = message_class(index.types[topic])
+        kind = message_class(index.types[topic][0])
         qos = _LATCHED if topic in _LATCHED_TOPICS else _PLAYED
         try:
             return self.create_publisher(kind, topic, qos)
