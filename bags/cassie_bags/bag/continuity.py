@@ -33,11 +33,8 @@ def gaps(recording: Recording, *, from_start: bool = True) -> list[str]:
 
     A repeated sample is no gap: the simulator repeats one that was not answered in time. A person's
     command has no seq and is no gap either. Where the wall clock sets the pace, no node waits for
-    an answer: a missing answer is a missed tick, which the samples count, and no loss.
-
-    Args:
-        recording: Recording to check.
-        from_start: Whether each episode must begin with seq 0.
+    an answer: a missing answer is a missed tick, which the samples count, and no loss. With
+    `from_start` each episode must begin with seq 0.
     """
     lines = []
     answers = not recording.lane[Sensors.TOPIC]["wall_paced"].any()
@@ -110,12 +107,7 @@ def episodes(recording: Recording) -> list[int]:
 
 
 def only_episode(recording: Recording, episode: int) -> Recording:
-    """The part of a recording that belongs to one episode.
-
-    Args:
-        recording: The whole recording.
-        episode: One of `episodes(recording)`.
-    """
+    """The part of a recording that belongs to one of its episodes."""
     sensors = recording.lane[Sensors.TOPIC]
     lane = {
         topic: where(rows, rows["episode"] == episode) for topic, rows in recording.lane.items()

@@ -30,10 +30,7 @@ _PRIMITIVES = frozenset(
 
 
 def definition(type_name: str) -> str:
-    """Definition of a message type with those of all types in it.
-
-    Args:
-        type_name: For example `nav_msgs/msg/Odometry`.
+    """Definition of a message type, such as `nav_msgs/msg/Odometry`, and of all types in it.
 
     Raises:
         BagError: if a `.msg` file is not installed; the message names the file and the searched
@@ -72,12 +69,7 @@ def message_file(type_name: str) -> Path:
 
 
 def dependencies(text: str, package: str) -> list[str]:
-    """Types of other messages that a `.msg` text names, in the order of their appearance.
-
-    Args:
-        text: Content of the file.
-        package: Package of the file, for names without a package.
-    """
+    """Types of other messages that the text of a package's `.msg` file names, in this order."""
     types = []
     for line in text.splitlines():
         match = _FIELD.match(line.split("#", 1)[0])

@@ -78,11 +78,7 @@ class RecordReader:
     """
 
     def __init__(self, stream: BinaryIO, name: str) -> None:
-        """Read the start of the file.
-
-        Args:
-            stream: The file, open for reading.
-            name: Name of the file in errors.
+        """Read the start of a file that is open for reading; `name` stands for it in errors.
 
         Raises:
             BagError: if it is not an MCAP file.
@@ -219,12 +215,7 @@ class RecordReader:
         return self._stream.read(length)
 
     def _next_intact(self, position: int, limit: int | None = None) -> int:
-        """Start of the next record that is certainly intact; the file's end if there is none.
-
-        Args:
-            position: Start of the search.
-            limit: End of the search; the file's end if None.
-        """
+        """Start of the next intact record before `limit`; the file's end if there is none."""
         while position < (self._size if limit is None else min(limit, self._size)):
             window = self._read(position, _SEARCH_SIZE + _HEADER.size)
             for match in _RECORD_START.finditer(window):

@@ -38,11 +38,7 @@ class RecordedEvent:
 
 
 def read_event(raw: bytes, received: int = 0) -> RecordedEvent:
-    """Parse a serialized NodeEvent.
-
-    Args:
-        raw: The message.
-        received: When the recorder received it. Wall clock, in ns.
+    """Parse a serialized NodeEvent, which the recorder received at a time of the wall clock (ns).
 
     Raises:
         BagError: if the bytes are no NodeEvent.

@@ -60,20 +60,13 @@ class Playback:
         return self._index >= self._last and not self._loop
 
     def position(self, wall: int) -> int:
-        """Log time of the present position. In ns.
-
-        Args:
-            wall: Wall time. In ns.
-        """
+        """Log time of the position at a wall time. Both in ns."""
         if self.paused or self._wall is None:
             return self._anchor
         return min(self.end, self._anchor + int((wall - self._wall) * self.rate))
 
     def next(self, wall: int) -> tuple[int | None, float]:
-        """The next message if it is due, or the time to wait for it.
-
-        Args:
-            wall: Wall time. In ns.
+        """The next message if it is due at a wall time (ns), or the time to wait for it.
 
         Returns:
             Index of a message, which then counts as played, and 0. If no message is due: None, and
@@ -104,12 +97,7 @@ class Playback:
         self.rate = min(max(rate, RATES[0]), RATES[1])
 
     def seek(self, time: int, wall: int) -> None:
-        """Continue from another time.
-
-        Args:
-            time: Log time, limited to the played part. In ns.
-            wall: Wall time. In ns.
-        """
+        """Continue from another log time, limited to the played part, at a wall time. In ns."""
         self._anchor, self._wall = min(max(time, self.begin), self.end), wall
         self._index = max(self._first, bisect_left(self._times, self._anchor))
 

@@ -196,12 +196,7 @@ def summarize(bag: Path | str) -> Summary:
 
 
 def intervals_of_mode(time: FloatArray, modes: IntArray) -> list[Interval]:
-    """Intervals with one mode each.
-
-    Args:
-        time: Time of samples. Shape (n,), in s.
-        modes: Mode at each sample. Shape (n,).
-    """
+    """Intervals with one mode each, from the times (s) and modes of samples. Shape (n,) each."""
     last = len(time) - 1
     return [
         Interval(_mode_name(modes[start]), float(time[start]), float(time[min(end, last)]))

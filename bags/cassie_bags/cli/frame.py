@@ -86,11 +86,7 @@ def command(
 
 
 def node_words(name: str) -> list[str]:
-    """Words of this process's command line, without those of ROS; ROS is loaded for these alone.
-
-    Args:
-        name: The node's name, for an error in the arguments of ROS.
-    """
+    """Words of a node's command line, without those of ROS; ROS is loaded for these alone."""
     if "--ros-args" not in sys.argv:
         return sys.argv[1:]
     from cassie_bags.ros.processes import words_without_ros
@@ -101,12 +97,9 @@ def node_words(name: str) -> list[str]:
 def new_file(path: Path, option: str = "-o") -> Path:
     """A path for output, which must not exist, in a folder that exists.
 
-    Args:
-        path: The path.
-        option: Option that gives another path, for the message.
-
     Raises:
-        BagError: if the path exists, or its folder does not.
+        BagError: if the path exists, or its folder does not; the message names the option that
+            gives another path.
     """
     if os.path.lexists(path):  # also a link to nothing
         raise BagError(f"{path} exists: give another file with {option}, or remove it")

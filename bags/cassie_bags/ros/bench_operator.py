@@ -60,11 +60,7 @@ def operated(seconds: float) -> dict[str, float]:
 
 
 class _Listener:
-    """Publishes /joy and reads every operator command, as promptly as the supervisor does.
-
-    Args:
-        node: Node that publishes and subscribes.
-    """
+    """Publishes /joy and reads every operator command, as promptly as the supervisor does."""
 
     def __init__(self, node: Node) -> None:
         self._joy = node.create_publisher(Joy, "/joy", 10)

@@ -70,11 +70,7 @@ def simulator_client(domain: int) -> Iterator[SimulatorClient]:
 
 
 class SimulatorClient:
-    """Resumes a paused simulator, and reads its clock.
-
-    Args:
-        node, executor: Node of the command, and its executor.
-    """
+    """Resumes a paused simulator, and reads its clock, by the node of a command."""
 
     def __init__(self, node: Node, executor: SingleThreadedExecutor) -> None:
         self._executor = executor
@@ -83,10 +79,7 @@ class SimulatorClient:
         self._time = 0.0
 
     def resume(self, timeout: float) -> None:
-        """Resume the simulator.
-
-        Args:
-            timeout: Time-out of the simulator's answer. In s of wall time.
+        """Resume the simulator, which has to answer within the time-out (s of wall time).
 
         Raises:
             RunError: if the simulator does not answer, or refuses.

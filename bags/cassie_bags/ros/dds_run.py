@@ -137,10 +137,6 @@ def processors_of(config: SimulatorConfig, available: Collection[int]) -> dict[s
     three nodes are pinned to processors where that does not happen. This holds only where robot
     time runs as fast as possible and no film is made, which would share the simulator's
     processor.
-
-    Args:
-        config: Parameters of the simulator.
-        available: Processors that this process may use.
     """
     if len(available) != 2 or config.video or config.max_rate or config.pacing == "realtime":
         return {}
@@ -149,12 +145,7 @@ def processors_of(config: SimulatorConfig, available: Collection[int]) -> dict[s
 
 
 def node_parameters(experiment: Experiment, scenario: Path) -> dict[str, dict[str, Any]]:
-    """ROS parameters of each node, by executable.
-
-    Args:
-        experiment: Experiment to run, drawn.
-        scenario: File of the drawn experiment.
-    """
+    """ROS parameters of each node for a drawn experiment and its file, by executable."""
     config = simulator_config(experiment)
     parameters: dict[str, dict[str, Any]] = {
         name: dict(experiment.parameters[section]) if section else {}

@@ -20,11 +20,7 @@ PARAMETERS_RECORD = "cassie_parameters:"
 
 
 class NodeParameters:
-    """Requests parameters of nodes, without waiting for the answers.
-
-    Args:
-        node: Node that sends the requests; an executor has to spin it.
-    """
+    """Requests parameters through a node that an executor spins, without waiting for answers."""
 
     def __init__(self, node: Node) -> None:
         self._node = node

@@ -77,12 +77,7 @@ class Processes:
     """The processes of one run. The end of the `with` statement ends them all."""
 
     def __init__(self, env: Mapping[str, str], logs: Path) -> None:
-        """Start nothing yet.
-
-        Args:
-            env: Environment of each process.
-            logs: Folder for their output, one file each.
-        """
+        """Start nothing yet; `logs` is a folder, with a file for the output of each process."""
         self._env = dict(env)
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
@@ -144,10 +139,7 @@ class Processes:
         os.killpg(self._running[name].pid, number)
 
     def check(self, *may_end: str) -> None:
-        """Check that all processes run.
-
-        Args:
-            *may_end: Names of processes that may have ended, with exit code 0.
+        """Check that all processes run; some may have ended with exit code 0.
 
         Raises:
             RunError: naming a process that ended, its exit code and its last line of output.
@@ -161,11 +153,7 @@ class Processes:
             raise RunError(f"{name} ended with exit code {code}: {self._last_line(name)}")
 
     def stop(self, *names: str) -> None:
-        """End processes with Ctrl-C; those that do not end in time are terminated, then killed.
-
-        Args:
-            *names: Names of the processes; all if none is given.
-        """
+        """End processes, or all, with Ctrl-C; then terminate and kill those that do not end."""
         chosen = {name: self._running[name] for name in names or tuple(self._running)}
         for number, timeout in (
             (signal.SIGINT, GRACE),

@@ -293,9 +293,7 @@ class Session:
 
         Topics are read against the direction of the control lane: answers first, sensors last. The
         input of an answer has come before it, so no recording ends with an answer without input.
-
-        Args:
-            settle: Wait between two topics, for messages that overtook others. In s.
+        `settle` (s) is a wait between two topics, for messages that overtook others.
         """
         wall = time.time_ns()
         batch = self._waiting

@@ -304,9 +304,7 @@ class Replay(Node):
         """Other nodes that publish on played topics, in words; empty if there are none.
 
         An operator's node may run together with a replayed robot, which does not obey its commands.
-
-        Args:
-            nameless: Whether writers count whose node's name has not been found.
+        Writers whose node's name has not been found count if `nameless`.
         """
         shared = {_DIAGNOSTICS}
         if {Sensors.TOPIC, Mode.TOPIC} <= self._own.keys():

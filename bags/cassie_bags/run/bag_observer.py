@@ -57,12 +57,7 @@ def bag_observer(
 
 
 class _ShownRobot:
-    """Writes the robot's description and frames into a bag, as simulator and estimator send them.
-
-    Args:
-        bag: The bag.
-        experiment: Experiment that is run.
-    """
+    """Writes the robot's description and frames into a bag, as simulator and estimator do."""
 
     def __init__(self, bag: BagWriter, experiment: Experiment) -> None:
         self._bag, self._state = bag, RobotState()

@@ -52,9 +52,7 @@ def phases_of(experiment: Experiment) -> Sequence[Phase]:
 def phases_of_steps(steps: Sequence[OperatorStep], duration: float) -> tuple[Phase, ...]:
     """One phase for each interval between operator steps, named by the changes of the step.
 
-    Args:
-        steps: Operator steps, in order of time; if there are none, the whole run is one phase.
-        duration: End of the last phase. In s.
+    Steps are in order of time; without steps the whole run is one phase, of the duration (s).
     """
     if not steps:
         return (Phase("without an operator", 0.0, duration),)
@@ -122,12 +120,7 @@ class Check:
 
 
 def checks(expected: Expectation, metrics: Metrics) -> list[Check]:
-    """All expectations of a run with their results.
-
-    Args:
-        expected: Expected bounds.
-        metrics: Metrics of the run and of its phases.
-    """
+    """All expectations of a run with their results."""
     results = []
     if expected.fell is not None:
         results.append(_fall_check(expected.fell, metrics))

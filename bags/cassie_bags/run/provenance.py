@@ -103,11 +103,7 @@ def machine(cpu_info: Path = _CPU_INFO) -> str:
 
 
 def metadata_of(experiment: Experiment) -> dict[str, dict[str, str]]:
-    """Metadata that a run writes into its bag, by name of the record.
-
-    Args:
-        experiment: Experiment that is run, drawn.
-    """
+    """Metadata that the run of a drawn experiment writes into its bag, by name of the record."""
     from cassie_msgs.experiment.file import to_yaml  # this import loads NumPy
 
     return {

@@ -32,12 +32,7 @@ class Stream(enum.IntEnum):
     LEANS = 5
 
     def rng(self, seed: int, *more: int) -> np.random.Generator:
-        """The generator of this stream.
-
-        Args:
-            seed: Seed of the experiment.
-            more: Numbers of streams within this stream.
-        """
+        """The generator of this stream of a seed; more numbers choose a stream within it."""
         return np.random.default_rng([seed, self.value, *more])
 
 

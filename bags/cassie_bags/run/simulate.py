@@ -44,11 +44,7 @@ class ControlLoop:
     A tick is a sample, its state, and the motor command by the mode in force. On every
     `PERIOD_TICKS`-th tick the operator and the supervisor answer the state. Their answers take
     effect `PERIOD_TICKS` later. The power is that which the operator has set for the tick. Then the
-    plant steps.
-
-    Args:
-        cores: Cores, reset.
-        observer: Gets each message.
+    plant steps. The observer gets each message.
     """
 
     def __init__(self, cores: Cores, observer: Observer) -> None:
