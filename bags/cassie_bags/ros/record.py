@@ -41,21 +41,9 @@ from cassie_msgs.ros.scheduling import Place, Scheduling
 
 DEFAULT_TOPICS = (
     *TYPES,
-    "/cassie/gait",
-    "/cassie/gait_request",
-    "/cassie/node_events",
-    "/cassie/operator_in_force",
-    "/cassie/supervisor_status",
-    "/clock",
-    "/diagnostics",
-    "/imu/data",
-    "/joint_states",
-    "/joy",
-    "/odom",
-    "/parameter_events",
-    "/robot_description",
-    "/tf",
-    "/tf_static",
+    *("/cassie/gait", "/cassie/gait_request", "/cassie/node_events", "/cassie/operator_in_force"),
+    *("/cassie/supervisor_status", "/clock", "/diagnostics", "/imu/data", "/joint_states", "/joy"),
+    *("/odom", "/parameter_events", "/robot_description", "/tf", "/tf_static"),
 )
 """Topics that are recorded by default."""
 
@@ -99,7 +87,7 @@ class Recorder(Node):
             self._begin()
         stop.on_request(self._wake)
         self.create_service(SetBool, "~/record", self._on_record)
-        self.create_service(Trigger, "~/split", self._on_split)
+        self.create_service(Trigger, "~/split", lambda _, reply: self._request(self._split, reply))
 
     def loop(self) -> None:
         """Record until Ctrl-C; `close` then records the messages that are still on their way."""
@@ -158,9 +146,6 @@ class Recorder(Node):
 
     def _on_record(self, request: Any, response: Any) -> Any:
         return self._request(self._begin if request.data else self._end, response)
-
-    def _on_split(self, _: Any, response: Any) -> Any:
-        return self._request(self._split, response)
 
     def _request(self, order: Callable[[], str], response: Any) -> Any:
         answer: futures.Future[str] = futures.Future()
