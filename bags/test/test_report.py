@@ -176,7 +176,7 @@ def test_the_estimators_error_is_that_which_was_put_in():
     state["v"][:, 1] += 0.1 * np.sin(yaw)
     state["q"][:, :2] = 1.01 * track.position[:, :2] + 7.0  # odometry begins anywhere
     state["q"][:, 4] = track.angles[:, 1] + 0.02
-    error = estimation_error(state, track.position, track.velocity, track.angles)
+    error = estimation_error(replace(track, state=state))
     np.testing.assert_allclose(error.velocity, np.tile([0.1, 0, 0], (len(yaw), 1)), atol=1e-12)
     np.testing.assert_allclose(error.tilt, np.tile([0, 0.02], (len(yaw), 1)), atol=1e-12)
     moved = track.position[-1, :2] - track.position[0, :2]

@@ -102,7 +102,7 @@ def draw_all(view: View, folder: Path) -> dict[str, Path]:
 
 def mode_timeline(view: View) -> Figure:
     """Modes over time, and every event by name."""
-    figure = Figure(figsize=(9.0, 2.1), layout="constrained")
+    figure = _figure(view, "Modes", 9.0, 2.1)
     axes = figure.subplots()
     draw_modes(axes, view.modes)
     mark(axes, view.events)
@@ -111,15 +111,10 @@ def mode_timeline(view: View) -> Figure:
     for event in view.events:
         inside = event.t0 <= view.track.time[-1]
         if inside and event.t0 - last > 0.03 * span:  # names that would overlap are left out
-            axes.annotate(
-                shortened(event.text), (event.t0, 1.0), xycoords=("data", "axes fraction"),
-                xytext=(0, 3), textcoords="offset points", rotation=30, fontsize=7,
-                color=EVENT_COLOURS[event.kind],
-            )  # fmt: skip
+            _name_above(axes, event.t0, event.text, EVENT_COLOURS[event.kind])
             last = event.t0
     axes.set(yticks=[], xlabel="robot time (s)", ylim=(0.0, 1.0))
-    _limit_time([axes], view)
-    figure.suptitle(f"Modes: {view.title}", x=0.01, ha="left", fontsize=10)
+    _limit_time(axes, view)
     return figure
 
 
@@ -132,6 +127,13 @@ def draw_modes(axes: Any, modes: Iterable[Interval]) -> None:
         if mode.t1 - mode.t0 > 0.04 * span:
             middle = 0.5 * (mode.t0 + mode.t1)
             axes.text(middle, 0.5, mode.name, ha="center", va="center", fontsize=8, color=DARK)
+
+
+def _name_above(axes: Any, time: float, name: str, colour: str) -> None:
+    axes.annotate(
+        shortened(name), (time, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+        textcoords="offset points", rotation=30, fontsize=7, color=colour,
+    )  # fmt: skip
 
 
 def shortened(name: str) -> str:
@@ -158,21 +160,16 @@ def event_legend(events: Iterable[Event]) -> tuple[list[Line2D], list[str]]:
 
 def speed_tracking(view: View) -> Figure:
     """Commanded and achieved velocities and height over time."""
-    track = view.track
-    figure, panels = _over_time(view, len(_PANELS), 6.4)
+    figure, panels = _over_time(view, "Tracking", len(_PANELS), 6.4)
     for axes, (name, label) in zip(panels, _PANELS, strict=True):
-        _draw_tracked(axes, track, name, label)
+        _draw_tracked(axes, view.track, name, label)
         for index, phase in enumerate(view.phases):
             shade = 0.18 if index % 2 else 0.09
             axes.axvspan(phase.t0, phase.t1, color=GREY, alpha=shade, linewidth=0)
-    end = track.time[-1]
+    end = view.track.time[-1]
     for phase in (phase for phase in view.phases if phase.t0 < end):
-        middle = 0.5 * (phase.t0 + min(phase.t1, end))
-        panels[0].annotate(
-            shortened(phase.name), (middle, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
-            textcoords="offset points", rotation=30, fontsize=7, color=DARK,
-        )  # fmt: skip
-    return _titled(figure, panels, view, "Tracking")
+        _name_above(panels[0], 0.5 * (phase.t0 + min(phase.t1, end)), phase.name, DARK)
+    return _explained(figure, panels, view)
 
 
 def _draw_tracked(axes: Any, track: Track, name: str, label: str) -> None:
@@ -191,7 +188,7 @@ def _draw_tracked(axes: Any, track: Track, name: str, label: str) -> None:
 def overview(view: View) -> Figure:
     """Modes, tracking, foot forces and the largest torque, one above the other."""
     track = view.track
-    figure = Figure(figsize=(9.0, 8.4), layout="constrained")
+    figure = _figure(view, "Overview", 9.0, 8.4)
     ratios = [0.35, *[1.0] * (len(_PANELS) + 2)]
     modes, *panels = figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios)
     draw_modes(modes, view.modes)
@@ -209,8 +206,8 @@ def overview(view: View) -> Figure:
     torque.set(ylabel="largest\ntorque (%)", ylim=(0.0, 108.0))
     for axes in (modes, *panels):
         mark(axes, view.events)
-    _limit_time(panels, view)
-    return _titled(figure, panels, view, "Overview")
+    _limit_time(torque, view)
+    return _explained(figure, panels, view)
 
 
 def outputs_by_phase(view: View) -> Figure | None:
@@ -218,9 +215,9 @@ def outputs_by_phase(view: View) -> Figure | None:
     rows = view.status[(view.status["mode"] == RobotMode.WALK) & (view.status["stance_leg"] >= 0)]
     if len(rows) < MIN_SAMPLES:
         return None
-    time = stamps(rows)
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    figure = _figure(view, "Outputs' errors", 9.0, 6.0)
     panels = figure.subplots(3, 3, sharex=True).ravel()
+    pushed = _pushed(stamps(rows), view.events)
     edges = np.linspace(0.0, 1.0, _BINS + 1)
     for index, (axes, name) in enumerate(zip(panels, OUTPUTS, strict=True)):
         metres = name.endswith("length")
@@ -234,7 +231,6 @@ def outputs_by_phase(view: View) -> Figure | None:
                 for b in range(_BINS)
             ]
             axes.plot(0.5 * (edges[1:] + edges[:-1]), means, color=colour, linewidth=1.6)
-        pushed = _pushed(time, view.events)
         axes.plot(rows["phase"][pushed], error[pushed], ".", color=PURPLE, markersize=3)
         axes.axhline(0.0, color=GREY, linewidth=0.6)
         axes.set_title(f"{name.replace('_', ' ')} ({'mm' if metres else 'deg'})", fontsize=8)
@@ -246,17 +242,17 @@ def outputs_by_phase(view: View) -> Figure | None:
         Line2D([], [], color=c, label=f"{leg} stance")
         for leg, c in zip(LEGS, (BLUE, ORANGE), strict=True)
     ]
-    if _pushed(time, view.events).any():
+    if pushed.any():
         handles.append(Line2D([], [], color=PURPLE, marker=".", linestyle="", label="pushed"))
     figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    figure.suptitle(f"Outputs' errors: {view.title}", x=0.01, ha="left", fontsize=10)
     return figure
 
 
 def knee_phase_portrait(view: View) -> Figure:
     """Rate of the left knee over its angle while walking, coloured by the commanded speed."""
     track = view.track
-    figure, axes = _figure(4.8, 4.2)
+    figure = Figure(figsize=(4.8, 4.2), layout="constrained")
+    axes = figure.subplots()
     walking = track.mode == RobotMode.WALK
     shown = walking if walking.any() else track.carries | ~track.carries.any()
     knee = DRIVES.index("left_knee")
@@ -285,28 +281,25 @@ def knee_phase_portrait(view: View) -> Figure:
 
 def foot_forces(view: View) -> Figure:
     """Vertical force on each foot from the springs' deflection."""
-    figure, panels = _over_time(view, 2, 3.4)
+    forces = view.track.state["foot_force"]
+    figure, panels = _over_time(view, "Vertical foot forces", 2, 3.4)
     for leg, (axes, colour) in enumerate(zip(panels, (BLUE, ORANGE), strict=True)):
-        axes.plot(
-            view.track.time, view.track.state["foot_force"][:, leg], color=colour, linewidth=0.6
-        )
-        axes.set_ylabel(f"{LEGS[leg]}\n(N)")
-        axes.set_ylim(*_limits(view.track.state["foot_force"]))
-    return _titled(figure, panels, view, "Vertical foot forces")
+        axes.plot(view.track.time, forces[:, leg], color=colour, linewidth=0.6)
+        axes.set(ylabel=f"{LEGS[leg]}\n(N)", ylim=_limits(forces))
+    return _explained(figure, panels, view)
 
 
 def torques(view: View) -> Figure:
     """Torque of each drive over its limit."""
     ratio = 100.0 * np.abs(view.track.sensors["drive_torque"]) / TORQUE_LIMITS
-    figure, panels = _over_time(view, len(LEG_DRIVES), 6.4)
+    figure, panels = _over_time(view, "Torques by their limits", len(LEG_DRIVES), 6.4)
     for index, (axes, drive) in enumerate(zip(panels, LEG_DRIVES, strict=True)):
         for leg, colour in enumerate((BLUE, ORANGE)):
             values = ratio[:, leg * len(LEG_DRIVES) + index]
             axes.plot(view.track.time, values, color=colour, linewidth=0.5, label=LEGS[leg])
         axes.axhline(100.0, color=RED, linewidth=0.7)
-        axes.set_ylim(0.0, 108.0)
-        axes.set_ylabel(f"{drive.replace('_', ' ')}\n(%)")
-    return _titled(figure, panels, view, "Torques by their limits")
+        axes.set(ylabel=f"{drive.replace('_', ' ')}\n(%)", ylim=(0.0, 108.0))
+    return _explained(figure, panels, view)
 
 
 def estimate(view: View) -> Figure | None:
@@ -314,8 +307,8 @@ def estimate(view: View) -> Figure | None:
     if view.estimated:
         return None
     track = view.track
-    error = estimation_error(track.state, track.position, track.velocity, track.angles)
-    figure, panels = _over_time(view, 3, 4.8)
+    error = estimation_error(track)
+    figure, panels = _over_time(view, "Estimate less truth", 3, 4.8)
     rows = (
         (error.velocity, ("forward", "to the left", "up"), "velocity\n(m/s)", 1.0),
         (error.tilt, ("roll", "pitch"), "tilt\n(deg)", 180.0 / np.pi),
@@ -330,10 +323,9 @@ def estimate(view: View) -> Figure | None:
             curves.append(curve)
             axes.plot(track.time, curve, color=colour, linewidth=0.8, label=name)
         axes.axhline(0.0, color=GREY, linewidth=0.6)
-        axes.set_ylim(*_limits(*curves, least_margin=0.002))
-        axes.set_ylabel(label)
+        axes.set(ylabel=label, ylim=_limits(*curves, least_margin=0.002))
         _legend_beside(axes)
-    return _titled(figure, panels, view, "Estimate less truth", legend=False)
+    return _explained(figure, panels, view, legend=False)
 
 
 def footsteps(view: View) -> Figure:
@@ -345,7 +337,9 @@ def footsteps(view: View) -> Figure:
     # A straight walk is a long strip: leave room to read it.
     low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
     span = high - low
-    figure, axes = _figure(9.0, float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 5.4)))
+    height = float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 5.4))
+    figure = _figure(view, "Footsteps from above", 9.0, height)
+    axes = figure.subplots()
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
     for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
         label: str | None = name
@@ -366,7 +360,6 @@ def footsteps(view: View) -> Figure:
     axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    figure.suptitle(f"Footsteps from above: {view.title}", x=0.01, ha="left", fontsize=10)
     return figure
 
 
@@ -403,31 +396,36 @@ def moving_mean(time: FloatArray, values: FloatArray, width: float) -> FloatArra
     return np.where(known, mean, np.nan)
 
 
-def _over_time(view: View, count: int, height: float) -> tuple[Figure, Sequence[Any]]:
+def _figure(view: View, title: str, width: float, height: float) -> Figure:
+    """A figure of a size (inches) with a title."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.suptitle(f"{title}: {view.title}", x=0.01, ha="left", fontsize=10)
+    return figure
+
+
+def _over_time(view: View, title: str, count: int, height: float) -> tuple[Figure, Sequence[Any]]:
     """Panels over time, with every event marked."""
-    figure = Figure(figsize=(9.0, height), layout="constrained")
+    figure = _figure(view, title, 9.0, height)
     panels = list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
     for axes in panels:
         mark(axes, view.events)
-    _limit_time(panels, view)
+    _limit_time(panels[-1], view)
     return figure, panels
 
 
-def _limit_time(panels: Sequence[Any], view: View) -> None:
+def _limit_time(axes: Any, view: View) -> None:
     start, end = float(view.track.time[0]), float(view.track.time[-1])
-    panels[-1].set_xlim(start, max(end, start + 1e-3))
+    axes.set_xlim(start, max(end, start + 1e-3))
 
 
-def _titled(
-    figure: Figure, panels: Sequence[Any], view: View, title: str, *, legend: bool = True
-) -> Figure:
+def _explained(figure: Figure, panels: Sequence[Any], view: View, *, legend: bool = True) -> Figure:
+    """A figure over time with a legend of the curves and of the marked events."""
     handles, labels = panels[1].get_legend_handles_labels() if legend else ([], [])
     lines, kinds = event_legend(view.events)
     handles, labels = [*handles, *lines], [*labels, *kinds]
     panels[-1].set_xlabel("robot time (s)")
     if handles:
         figure.legend(handles, labels, loc="upper right", ncols=len(handles))
-    figure.suptitle(f"{title}: {view.title}", x=0.01, ha="left", fontsize=10)
     return figure
 
 
@@ -453,8 +451,3 @@ def _limits(*curves: FloatArray, least_margin: float = 0.02) -> tuple[float, flo
     low, high = float(values.min()), float(values.max())
     margin = max(0.1 * (high - low), least_margin)
     return low - margin, high + margin
-
-
-def _figure(width: float, height: float) -> tuple[Figure, Any]:
-    figure = Figure(figsize=(width, height), layout="constrained")
-    return figure, figure.subplots()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cassie_bags.bag.rows import FloatArray, Rows
+from cassie_bags.bag.rows import FloatArray
 from cassie_bags.signals.leg_geometry import in_heading
+from cassie_bags.signals.track import Track
 
 
 @dataclass(frozen=True)
@@ -24,21 +25,11 @@ class EstimationError:
     position: FloatArray
 
 
-def estimation_error(
-    state: Rows, position: FloatArray, velocity: FloatArray, angles: FloatArray
-) -> EstimationError:
-    """Errors of estimated states.
-
-    Args:
-        state: Rows of `RobotState`. Shape (n,).
-        position: True pelvis origin in the world. Shape (n, 3), in m.
-        velocity: True velocity of the pelvis origin in the world. Shape (n, 3), in m/s.
-        angles: True yaw, pitch, roll. Shape (n, 3), in rad.
-    """
-    error = state["v"][:, :3] - velocity
-    moved = (state["q"][:, :2] - state["q"][0, :2]) - (position[:, :2] - position[0, :2])
+def estimation_error(track: Track) -> EstimationError:
+    """Errors of the estimated states of a track."""
+    q, place = track.state["q"], track.position[:, :2]
     return EstimationError(
-        velocity=in_heading(error, angles[:, 0]),
-        tilt=state["q"][:, [5, 4]] - angles[:, [2, 1]],
-        position=moved,
+        velocity=in_heading(track.state["v"][:, :3] - track.velocity, track.angles[:, 0]),
+        tilt=q[:, [5, 4]] - track.angles[:, [2, 1]],
+        position=(q[:, :2] - q[0, :2]) - (place - place[0]),
     )

@@ -13,14 +13,21 @@ from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.rider import way
 
-RIDE_MEASURES = ("ride_min", "ride_max", "ride_drift", "stop_time", "platform_rms", "gate_miss")
-"""Names of the metrics of `measure_ride`."""
-
 AT_REST = 0.1
 """Speed below which a Segway counts as stopped. In m/s."""
 
 SHAKING = 2.0
 """Width of the moving mean that removes slow tilts from the platform's shaking. In s."""
+
+RIDE_MEASURES = {
+    "ride_min": "m/s, smallest forward speed of the chassis",
+    "ride_max": "m/s, largest forward speed of the chassis",
+    "ride_drift": "m, largest distance of the chassis from its place at the window's start",
+    "stop_time": "s, time until the speed was within `AT_REST`; infinite if it never was",
+    "platform_rms": "deg, RMS of the platform's pitch about its mean over `SHAKING`",
+    "gate_miss": "m, largest distance from the middle of a gate, over the whole run",
+}
+"""Measures of `measure_ride` by name."""
 
 
 def measure_ride(
@@ -34,13 +41,7 @@ def measure_ride(
         window: Start and end. In s.
 
     Returns:
-        Metrics by name:
-
-        - ride_min, ride_max (m/s): smallest and largest forward speed of the chassis.
-        - ride_drift (m): largest distance of the chassis from its place at the window's start.
-        - stop_time (s): time until the speed was within `AT_REST`; infinite if it never was.
-        - platform_rms (deg): RMS of the platform's pitch about its mean over `SHAKING`.
-        - gate_miss (m): largest distance from the middle of a gate, over the whole run.
+        `RIDE_MEASURES`.
     """
     rows = recording.segway
     t0, t1 = window

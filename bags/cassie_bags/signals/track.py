@@ -111,7 +111,6 @@ def make_track(recording: Recording) -> Track:
     orientation = truth["orientation"]
     legs = to_world(leg_points(state["q"][:, 6:]), truth["position"], orientation)
     angles = euler_angles(orientation)
-    seq = sensors["seq"].astype(np.int64)
     mode = _held(recording.rows(Mode), sensors, ("mode",))["mode"].astype(np.int64)
     load = state["foot_load"]
     own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY])
@@ -127,7 +126,7 @@ def make_track(recording: Recording) -> Track:
         velocity=velocity,
         angles=angles,
         achieved=achieved,
-        commanded=_commanded(recording, sensors, seq),
+        commanded=_commanded(recording, sensors),
         mode=mode,
         legs=legs,
         foot_load=load,
@@ -244,7 +243,7 @@ def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
     return ground
 
 
-def _commanded(recording: Recording, sensors: Rows, seq: IntArray) -> dict[str, FloatArray]:
+def _commanded(recording: Recording, sensors: Rows) -> dict[str, FloatArray]:
     """Set-points of a scripted operator; without one, set-points of the supervisor's modes."""
     operator = recording.rows(OperatorCommand)
     scripted = operator[operator["scripted"]]

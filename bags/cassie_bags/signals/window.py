@@ -14,34 +14,47 @@ from cassie_gaits.gait_library import OUTPUTS
 from cassie_gaits.robot import GRAVITY
 from cassie_msgs.layout import RobotMode
 
-EFFORT_MEASURES = ("transport_work", "transport_work_abs", "torque_rms")
-"""Names of the measures of `measure_effort`."""
+EFFORT_MEASURES = {
+    "transport_work": "positive mechanical work of the drives over weight and distance",
+    "transport_work_abs": "positive plus absolute negative work over weight and distance",
+    "torque_rms": "Nm, RMS over time of the norm of all torques",
+}
+"""Measures of `measure_effort` by name."""
 
-STANDING_MEASURES = ("com_rms", "creep", "height_off", "shaking", "stepped")
-"""Names of the measures of `measure_standing`."""
+STANDING_MEASURES = {
+    "com_rms": "m, RMS distance of the CoM's ground projection from its mean",
+    "creep": "m, distance from the first second to the last, of the foot that moved more",
+    "height_off": "m, largest error of the pelvis height",
+    "shaking": "m/s, largest component of the pelvis velocity in the last second",
+    "stepped": "whether the robot stepped at all (0 or 1)",
+}
+"""Measures of `measure_standing` by name."""
 
-_MEANS = ("vx", "vy", "yaw_rate")
-_RMSE = ("rmse_vx", "rmse_vy", "rmse_vz")
 TRACKING = tuple(f"tracking_{name}" for name in OUTPUTS)
 """RMS tracking error of each of the nine outputs, by name of the measure."""
 
-WINDOW_MEASURES = (
-    *_MEANS,
-    "vy_slip",
-    "velocity_off",
-    "step_rate",
-    "drift",
-    "drift_of_steps",
-    "depth",
-    "sole_pitch",
-    *_RMSE,
-    "rmse_tilt",
-    "odometry",
-    "tracking",
-    *TRACKING,
-    *STANDING_MEASURES,
-)
-"""Names of the measures of `measure_window`."""
+WINDOW_MEASURES = {
+    "vx": "m/s, mean in the heading frame",
+    "vy": "m/s, mean in the heading frame",
+    "yaw_rate": "rad/s, mean of the means over two steps",
+    "vy_slip": "m/s, largest sideways velocity over two steps",
+    "velocity_off": "m/s, largest error of the horizontal velocity over two steps",
+    "step_rate": "1/s, touchdowns per second",
+    "drift": "m, largest distance from the position at the window's start",
+    "drift_of_steps": "m, largest drift of the position over two steps",
+    "depth": "m, median depth of the lower sole below the height of the start",
+    "sole_pitch": "deg, see `metrics.sole_pitch`",
+    **dict.fromkeys(
+        ("rmse_vx", "rmse_vy", "rmse_vz"),
+        "m/s, RMSE of the estimated velocity in the heading frame",
+    ),
+    "rmse_tilt": "deg, RMSE of estimated roll or pitch, the larger one",
+    "odometry": "error of the estimated displacement over its length",
+    "tracking": "rad and m, RMS error of the nine outputs",
+    **dict.fromkeys(TRACKING, "rad or m, RMS error of one output"),
+    **STANDING_MEASURES,
+}
+"""Measures of `measure_window` by name. Means over two steps are moving means without the sway."""
 
 _MIN_DISTANCE = 0.5  # m, least distance for a cost of transport
 _ENDS = 1.0  # s, over which positions are averaged at both ends of the window
@@ -56,45 +69,33 @@ def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> d
         window: Start and end. In s.
 
     Returns:
-        Measures by name, also those of `measure_standing`. "Over two steps" means a moving mean,
-        which removes the sway.
-
-        - vx, vy (m/s): means in the heading frame.
-        - yaw_rate (rad/s): mean of the means over two steps.
-        - vy_slip (m/s): largest sideways velocity over two steps.
-        - velocity_off (m/s): largest error of the horizontal velocity over two steps.
-        - step_rate (1/s): touchdowns per second.
-        - drift (m): largest distance from the position at the window's start.
-        - drift_of_steps (m): largest drift of the position over two steps.
-        - depth (m): median depth of the lower sole below the height of the start.
-        - sole_pitch (deg): see `metrics.sole_pitch`.
-        - rmse_vx, rmse_vy, rmse_vz (m/s): RMSE of the estimated velocity in the heading frame.
-        - rmse_tilt (deg): RMSE of estimated roll or pitch, the larger one.
-        - odometry: error of the estimated displacement over its length.
-        - tracking (rad and m): RMS error of the nine outputs; `TRACKING` has that of each output.
+        `WINDOW_MEASURES`.
     """
     t0, t1 = window
     if (inside := _inside(track, window)) is None:
         return dict.fromkeys(WINDOW_MEASURES, math.nan)
     away = track.position[inside, :2] - track.position[inside][0, :2]
-    measures = {name: float(track.achieved[name][inside].mean()) for name in _MEANS}
+    vx, vy, yaw_rate = (track.achieved[name][inside] for name in ("vx", "vy", "yaw_rate"))
     two_steps = round(AVERAGED_OVER / track.tick)
-    measures["yaw_rate"] = _without_sway(track.achieved["yaw_rate"][inside], two_steps)
-    measures["vy_slip"] = _slip(track.achieved["vy"][inside], two_steps)
-    measures["velocity_off"] = _velocity_off(track, inside, two_steps)
-    measures["drift"] = float(np.linalg.norm(away, axis=1).max())
-    measures["drift_of_steps"] = _drift_of_steps(away, two_steps)
-    measures["depth"] = -float(np.median(track.sole_height[inside].min(axis=1)))
-    measures["sole_pitch"] = sole_pitch(track, inside)
-    measures |= _estimate_errors(track, inside)
-    measures |= measure_standing(track, status, inside)
     rows = status[(stamps(status) >= t0) & (stamps(status) < t1)]
-    measures["step_rate"] = float(np.ptp(rows["step_count"])) / (t1 - t0)
     errors = rows["y"][rows["mode"] == RobotMode.WALK]
     squares = (errors**2).mean(axis=0) if len(errors) else np.full(len(OUTPUTS), math.nan)
-    measures["tracking"] = float(np.sqrt(squares.mean()))
-    measures |= dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True))
-    return measures
+    return {
+        "vx": float(vx.mean()),
+        "vy": float(vy.mean()),
+        "yaw_rate": _without_sway(yaw_rate, two_steps),
+        "vy_slip": _slip(vy, two_steps),
+        "velocity_off": _velocity_off(track, inside, two_steps),
+        "step_rate": float(np.ptp(rows["step_count"])) / (t1 - t0),
+        "drift": float(np.linalg.norm(away, axis=1).max()),
+        "drift_of_steps": _drift_of_steps(away, two_steps),
+        "depth": -float(np.median(track.sole_height[inside].min(axis=1))),
+        "sole_pitch": sole_pitch(track, inside),
+        **_estimate_errors(track, inside),
+        "tracking": float(np.sqrt(squares.mean())),
+        **dict(zip(TRACKING, np.sqrt(squares).tolist(), strict=True)),
+        **measure_standing(track, status, inside),
+    }
 
 
 def _inside(track: Track, window: tuple[float, float]) -> BoolArray | None:
@@ -141,18 +142,20 @@ def _drift_of_steps(away: FloatArray, width: int) -> float:
 
 def _estimate_errors(track: Track, inside: BoolArray) -> dict[str, float]:
     """Errors of the estimated velocity, tilt and displacement, compared with the truth."""
-    rows = track.state[inside]
-    true = in_heading(track.velocity[inside], track.angles[inside, 0])
-    estimated = in_heading(rows["v"][:, :3], rows["q"][:, 3])
-    rmse = np.sqrt(((estimated - true) ** 2).mean(axis=0))
-    moved = [_displacement(track.position[inside], track.angles[inside, 0])]
-    moved.append(_displacement(rows["q"][:, :3], rows["q"][:, 3]))
-    length = float(np.linalg.norm(moved[0]))
-    measures = dict(zip(_RMSE, rmse.tolist(), strict=True))
-    tilt = np.degrees(rows["q"][:, [4, 5]] - track.angles[inside, 1:])
-    measures["rmse_tilt"] = float(np.sqrt((tilt**2).mean(axis=0)).max())
-    measures["odometry"] = float(np.linalg.norm(moved[1] - moved[0])) / max(length, 0.1)
-    return measures
+    rows, angles = track.state[inside], track.angles[inside]
+    yaw, true_yaw = rows["q"][:, 3], angles[:, 0]
+    error = in_heading(rows["v"][:, :3], yaw) - in_heading(track.velocity[inside], true_yaw)
+    rmse_vx, rmse_vy, rmse_vz = np.sqrt((error**2).mean(axis=0)).tolist()
+    tilt = np.degrees(rows["q"][:, [4, 5]] - angles[:, 1:])
+    moved = _displacement(track.position[inside], true_yaw)
+    off = _displacement(rows["q"][:, :3], yaw) - moved
+    return {
+        "rmse_vx": rmse_vx,
+        "rmse_vy": rmse_vy,
+        "rmse_vz": rmse_vz,
+        "rmse_tilt": float(np.sqrt((tilt**2).mean(axis=0)).max()),
+        "odometry": float(np.linalg.norm(off)) / max(float(np.linalg.norm(moved)), 0.1),
+    }
 
 
 def _displacement(position: FloatArray, yaw: FloatArray) -> FloatArray:
@@ -170,13 +173,7 @@ def measure_standing(track: Track, status: Rows, inside: BoolArray) -> dict[str,
         inside: Whether each sample of the track is in the window. Shape (n,).
 
     Returns:
-        Metrics by name, NaN if the window is shorter than two seconds:
-
-        - com_rms (m): RMS distance of the CoM's ground projection from its mean.
-        - creep (m): distance from the first second to the last, of the foot that moved more.
-        - height_off (m): largest error of the pelvis height.
-        - shaking (m/s): largest component of the pelvis velocity in the last second.
-        - stepped: whether the robot stepped at all (0 or 1).
+        `STANDING_MEASURES`, NaN if the window is shorter than two seconds.
     """
     time = track.time[inside]
     if not len(time) or time[-1] - time[0] < 2.0 * _ENDS:
@@ -212,10 +209,8 @@ def measure_effort(track: Track, window: tuple[float, float], mass: float) -> di
         mass: Mass of the robot and its load. In kg.
 
     Returns:
-        transport_work: positive mechanical work of the drives over weight and distance;
-        transport_work_abs: positive plus absolute negative work over weight and distance;
-        torque_rms: RMS over time of the norm of all torques (Nm). All are NaN if the run ended
-        before the window did. Both costs are NaN if the robot moved by less than half a metre.
+        `EFFORT_MEASURES`. All are NaN if the run ended before the window did. Both costs are NaN
+        if the robot moved by less than half a metre.
     """
     if (inside := _inside(track, window)) is None:
         return dict.fromkeys(EFFORT_MEASURES, math.nan)
