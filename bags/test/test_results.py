@@ -11,7 +11,7 @@ from cassie_bags.cli import faults, return_map
 from cassie_bags.cli.frame import WRONG_INPUT
 from cassie_bags.run.provenance import Origin
 from cassie_bags.studies import faults as faults_study
-from cassie_bags.studies import return_map_run
+from cassie_bags.studies import return_map as return_map_study
 from cassie_bags.studies.results import put_table, table_of
 
 RESULTS = Path(__file__).resolve().parents[1] / "RESULTS.md"
@@ -24,7 +24,7 @@ def results(tmp_path: Path) -> Path:
     return Path(shutil.copy(RESULTS, tmp_path))
 
 
-@pytest.mark.parametrize("heading", [faults_study.SECTION, return_map_run.SECTION])
+@pytest.mark.parametrize("heading", [faults_study.SECTION, return_map_study.SECTION])
 def test_a_table_replaces_the_one_of_its_section_and_says_where_it_is_from(
     results: Path, heading: str
 ):

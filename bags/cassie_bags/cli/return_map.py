@@ -35,7 +35,7 @@ def _parser() -> CommandParser:
     return parser
 
 
-main = command(_parser, study("return_map_run"))
+main = command(_parser, study("return_map"))
 
 if __name__ == "__main__":
     sys.exit(main())

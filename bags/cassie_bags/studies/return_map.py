@@ -1,4 +1,4 @@
-"""Step-to-step map of a gait after small pushes, in the simulation with the controller.
+"""Step-to-step maps of gaits after small pushes, in the simulation with the controller.
 
 A run walks at a constant speed to the touchdown of a left foot, and continues without a push. With
 each of several small pushes the run continues in another process, a copy of the first. Robot and
@@ -7,27 +7,55 @@ sensor noise are the same in all processes, so that all differences come from th
 
 from __future__ import annotations
 
+import argparse
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from cassie_bags.bag.rows import FloatArray
-from cassie_bags.errors import RunError
+from cassie_bags.errors import ExperimentError, RunError
+from cassie_bags.report.figures import drawing
 from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
+from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.seed import resolve
 from cassie_bags.studies.copies import in_copies
-from cassie_bags.studies.return_map_fit import Deviations, ReturnMap, fit, size_of
+from cassie_bags.studies.results import check_results, markdown, put_results
+from cassie_bags.studies.return_map_fit import (
+    DECAYED,
+    Deviations,
+    ReturnMap,
+    decay,
+    fit,
+    size_of,
+    steps_to_decay,
+)
 from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
 from cassie_bags.studies.trial import walking_operator
 from cassie_gaits import robot
+from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
+from cassie_gaits.processes import available_cores
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Push
 from cassie_msgs.layout import Mode
+
+SECTION = "Return maps"
+"""Heading of the maps' table in a file of results."""
+
+HEADINGS = (
+    *("speed m/s", "runs", "d after 2 steps", "4", "8", f"steps to {DECAYED:g}", "noise m/s"),
+    *("eigenvalues of two steps", "largest, a run left out", "residual (pairs)"),
+)
+"""Headings of the table."""
+
+STRONGEST = 10.0
+"""Largest push; the deviation after a larger one is no longer small. In N s."""
 
 STEADY = 12.0
 """Robot time after which the gait counts as steady. In s."""
@@ -54,6 +82,8 @@ POSITION_RATE = math.sqrt(robot.GRAVITY / PENDULUM_HEIGHT)
 """sqrt(g / height): converts the CoM's position to a velocity. In 1/s."""
 
 _SLOWEST = 1.5  # s, longest time of a step; a run without a touchdown counts as stopped
+_RUNS = len(IMPULSES) * len(DELAYS) + 2  # and a run without a push, and one that shows the noise
+_ACROSS = 5  # largest number of panels side by side in the picture
 
 
 @dataclass(frozen=True)
@@ -238,19 +268,16 @@ def measure(
     for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):
         runs.append(run)
         advance()
-    nominal, pushed, small = runs[0], runs[1:-1], runs[-1]
+    nominal, *pushed, small = runs
     if nominal.fell or small.fell:
         raise RunError(f"{experiment.name}: it fell or stopped without a push")
-    deviations, dropped, fell = [], 0, 0
+    deviations = []
     for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
-        fell += run.fell
-        if run.fell:
-            continue
-        if not in_line(run.time, nominal.time):
-            dropped += 1
-            continue
-        first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
-        deviations.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
+        if not run.fell and in_line(run.time, nominal.time):
+            first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
+            deviations.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
+    fell = sum(run.fell for run in pushed)
+    dropped = len(pushed) - fell - len(deviations)
     noise = float(np.median(size_of(small.states - nominal.states)))
     return Measurement(speed, deviations, dropped, fell, noise, fit(deviations, noise))
 
@@ -274,3 +301,98 @@ def _yaw(quaternion: FloatArray) -> float:
 def _turn(vector: FloatArray, angle: float) -> FloatArray:
     c, s = math.cos(angle), math.sin(angle)
     return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+def run(options: argparse.Namespace) -> int:
+    """Push at each speed; returns the exit code."""
+    if not (math.isfinite(options.impulse) and 0.1 <= options.impulse <= STRONGEST):
+        raise ExperimentError(
+            f"--impulse = {options.impulse:g} N s is outside 0.1 .. {STRONGEST:g}"
+        )
+    named = bool(options.speeds) or options.file is not None
+    check_results(options, "speeds of the package's library", partial=named)
+    if options.file is not None:
+        options.file = library_path(options.file)
+    speeds, jobs = _speeds(options), options.jobs or available_cores()
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+    print(f"seed {options.seed}, pushes of {options.impulse:g} N s; d: see --help", flush=True)
+    print("\n".join(markdown([HEADINGS])), flush=True)
+    rows: list[str] = []
+    measured = []
+    with progress_bar("run", len(speeds) * _RUNS) as bar:
+        for speed in speeds:
+            experiment = experiment_of(speed, options.seed, options.file, options.allow_uncertified)
+            try:
+                one = measure(experiment, speed, options.impulse, STEPS, jobs, bar.update)
+                measured.append(one)
+                rows.append(line(one))
+            except RunError as error:
+                rows.append(f"| {speed:g} | {error} |")
+            bar.write(rows[-1], file=sys.stdout)
+    settled = sum(map(settles, measured))
+    if options.out is not None and any(one.deviations for one in measured):
+        print(_draw(measured, options.out / "return_map.png"))
+    command = f"return_map --seed {options.seed} --impulse {options.impulse:g}"
+    put_results(options, SECTION, [*markdown([HEADINGS]), *rows], command)
+    print(f"{settled} of {len(speeds)} gaits end nearer to themselves than they began")
+    return 0 if settled == len(speeds) else 1
+
+
+def settles(one: Measurement) -> bool:
+    """Whether no run fell or lost its steps, and the last median deviation is below the first."""
+    return not one.fell and not one.dropped and float(decay(one.deviations)[-1]) < 1.0
+
+
+def line(one: Measurement) -> str:
+    """A row of the table, in Markdown."""
+    runs = len(one.deviations) + one.dropped + one.fell
+    decayed, fitted = ["-"] * 4, ["too few deviations above the noise", "-", "-"]
+    if one.deviations:
+        ratios, steps = decay(one.deviations), steps_to_decay(one.deviations)
+        decayed = [f"{ratios[k]:.2f}" for k in (2, 4, 8)]
+        decayed.append(f"more than {len(ratios) - 1}" if steps is None else str(steps))
+    if one.map is not None:
+        (low, high), values = one.map.spread, one.map.eigenvalues
+        fitted = [" ".join(f"{value:.2f}" for value in values), f"{low:.2f} .. {high:.2f}"]
+        fitted.append(f"{one.map.residual:.2f} ({one.map.pairs})")
+    counted = f"{len(one.deviations)} of {runs}"
+    cells = [f"{one.speed:g}", counted, *decayed, f"{one.noise:.4f}", *fitted]
+    return "| " + " | ".join(cells) + " |"
+
+
+def _draw(measured: Sequence[Measurement], path: Path) -> Path:
+    """Draw the size of the deviations over steps, one panel for each speed."""
+    rows = math.ceil(len(measured) / _ACROSS)
+    across = math.ceil(len(measured) / rows)
+    with drawing(path, 3.0 * across + 0.6, 2.6 * rows + 0.6) as figure:
+        panels = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False).ravel()
+        for axes in panels[len(measured) :]:
+            axes.set_visible(False)
+        for axes, one in zip(panels, measured, strict=False):
+            for run in one.deviations:
+                x, y = run.impulse
+                name = f"({x:g}, {y:g}) N s after {run.delay:g} s"
+                axes.semilogy(run.size, marker=".", linewidth=0.8, label=name)
+            axes.axhline(one.noise, color="0.5", linestyle=":", label="noise")
+            axes.set(title=f"{one.speed:g} m/s", xlabel="steps after the push")
+            axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+        for axes in panels[::across]:
+            axes.set_ylabel("deviation (m/s)")
+        figure.legend(
+            *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=6
+        ).set_title("push (ahead, to the left)")
+    return path
+
+
+def _speeds(options: argparse.Namespace) -> list[float]:
+    path = options.file or default_library_path()
+    library = load_certified(path, allow_uncertified=options.allow_uncertified)
+    low, high = library.speed_range
+    for speed in options.speeds or ():
+        if not low <= speed <= high:
+            raise ExperimentError(
+                f"--speeds: {speed:g} m/s is outside {low:g} .. {high:g} of {path}"
+            )
+    straight = [gait.vx for gait in library.gaits if gait.vy == 0.0 and gait.yaw_rate == 0.0]
+    return list(options.speeds or straight)
