@@ -13,11 +13,9 @@ from test_experiment_command import environment
 from cassie_bags.errors import ExperimentError
 from cassie_bags.signals.window import TRACKING
 from cassie_bags.studies.learn_torques import (
+    Comparison,
     LearningResult,
-    LearningRun,
-    compared,
     learn,
-    learning_runs,
     merged,
     table,
 )
@@ -42,13 +40,6 @@ def figures(with_it: float, without: float, fell: float = 0.0) -> dict[str, floa
     return found | {f"reference_{name}": without for name in TRACKING}
 
 
-def test_every_robot_has_a_lesson_at_every_speed():
-    found = learning_runs(zero_torques((0.0, 0.5)), [1, 2, 3], 10.0, ())
-    assert {(run.seed, run.speed) for run in found} == {
-        (seed, speed) for seed in (1, 2, 3) for speed in (0.0, 0.5)
-    }
-
-
 def test_the_mean_of_the_robots_that_did_not_fall_is_kept():
     before = zero_torques((0.0, 0.5))
     given = [outcome(0.5, 2.0), outcome(0.5, 4.0), outcome(0.5, 99.0, fell=True)]
@@ -59,10 +50,11 @@ def test_the_mean_of_the_robots_that_did_not_fall_is_kept():
 
 
 def test_errors_are_compared_over_the_robots_that_walked_both_ways():
-    found = compared(0.5, [figures(0.01, 0.02), figures(0.03, 0.04), figures(9.0, 9.0, fell=1.0)])
-    assert found.total_after == pytest.approx(math.sqrt((0.01**2 + 0.03**2) / 2))
-    assert found.total_before == pytest.approx(math.sqrt((0.02**2 + 0.04**2) / 2))
-    assert (found.fell_before, found.fell_after, found.runs) == (0, 1, 3)
+    found = Comparison(0.5, [figures(0.01, 0.02), figures(0.03, 0.04), figures(9.0, 9.0, fell=1.0)])
+    assert found.rms("tracking") == pytest.approx(math.sqrt((0.01**2 + 0.03**2) / 2))
+    assert found.rms("reference_tracking") == pytest.approx(math.sqrt((0.02**2 + 0.04**2) / 2))
+    assert (found.falls("reference_fell"), found.falls("fell")) == (0, 1)
+    assert found.worse
     assert ratio_to_reference(figures(0.01, 0.02)) == pytest.approx(0.5)
     assert math.isnan(ratio_to_reference(figures(0.01, 0.02, fell=1.0)))
     assert "71 %" in table([found])
@@ -70,7 +62,7 @@ def test_errors_are_compared_over_the_robots_that_walked_both_ways():
 
 def test_a_lesson_takes_tracking_error_away():
     learned = zero_torques((0.5,))
-    found = learn(LearningRun(3, 0.5, learned, 8.0))
+    found = learn((0.5, 3), learned, 8.0, ())
     assert not found.fell
     assert found.taught > 12
     assert np.abs(found.torques).max() > 2.0

@@ -8,6 +8,8 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice, product
 from pathlib import Path
 from typing import Any
 
@@ -53,25 +55,6 @@ _LENGTHS = ("stance_leg_length", "swing_leg_length")
 
 
 @dataclass(frozen=True)
-class LearningRun:
-    """One robot that walks at one speed and learns.
-
-    Attributes:
-        seed: Seed of the robot.
-        speed: Walking speed, one of the table's. In m/s.
-        learned: Torques learned before.
-        seconds: Time of learning. In s.
-        changes: `key=value` words for the run.
-    """
-
-    seed: int
-    speed: float
-    learned: LearnedTorques
-    seconds: float
-    changes: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
 class LearningResult:
     """Result of a learning run.
 
@@ -88,44 +71,33 @@ class LearningResult:
     fell: bool
 
 
-def learn(run: LearningRun) -> LearningResult:
+def learn(
+    robot: tuple[float, int], learned: LearnedTorques, seconds: float, changes: Sequence[str]
+) -> LearningResult:
     """Walk and learn until the end of the run or a fall.
 
-    Torques learned at the run's speed hold for every speed here. If they varied with the measured
+    Torques learned at the robot's speed hold for every speed here. If they varied with the measured
     speed, they would disturb the walk while those of other speeds are not learned yet.
+
+    Args:
+        robot: Walking speed, one of the table's (m/s), and seed of the robot.
+        learned: Torques learned before.
+        seconds: Time of learning. In s.
+        changes: `key=value` words for the run.
     """
-    window = steady(Budget(), run.speed, run.seconds)
-    changes = (*run.changes, LEARNING)
-    trial = walk(Budget(changes=changes), run.seed, window, vx=run.speed)
-    experiment = experiment_of(trial)
+    speed, seed = robot
+    window = steady(Budget(), speed, seconds)
+    experiment = experiment_of(walk(Budget(changes=(*changes, LEARNING)), seed, window, vx=speed))
     cores = make_cores(experiment)
     learning = cores.controller.learning
-    row = run.learned.speeds.tolist().index(run.speed)
-    before = run.learned.torques[row]
-    learning.begin(LearnedTorques(np.array([run.speed]), before[None]))
+    before = learned.torques[learned.speeds.tolist().index(speed)]
+    learning.begin(LearnedTorques(np.array([speed]), before[None]))
     loop = connect(cores, lambda topic, raw, stamp: None)
     for tick in range(tick_count(experiment)):
         loop.tick()
         if tick % CHECK_TICKS == 0 and has_fallen(cores.plant):
-            return LearningResult(run.speed, before, learning.taught, True)
-    return LearningResult(run.speed, learning.torques[0], learning.taught, False)
-
-
-def learning_runs(
-    learned: LearnedTorques, seeds: Sequence[int], seconds: float, changes: tuple[str, ...]
-) -> list[LearningRun]:
-    """Learning runs, one for each robot at each speed of the table.
-
-    Args:
-        learned: Torques learned before.
-        seeds: Seeds of the robots.
-        seconds: Time of learning. In s.
-        changes: `key=value` words for each run.
-    """
-    speeds = learned.speeds.tolist()
-    return [
-        LearningRun(seed, speed, learned, seconds, changes) for speed in speeds for seed in seeds
-    ]
+            return LearningResult(speed, before, learning.taught, True)
+    return LearningResult(speed, learning.torques[0], learning.taught, False)
 
 
 def merged(learned: LearnedTorques, outcomes: Sequence[LearningResult]) -> LearnedTorques:
@@ -140,44 +112,28 @@ def merged(learned: LearnedTorques, outcomes: Sequence[LearningResult]) -> Learn
 
 @dataclass(frozen=True)
 class Comparison:
-    """Tracking errors at a speed over the held-out robots.
+    """Measures of `comparison` at a speed, in m/s, by each held-out robot.
 
-    Attributes:
-        speed: Walking speed. In m/s.
-        before, after: RMS of each output without and with learned torques, over the robots that
-            fell in neither run. Shape (9,), in rad and m.
-        total_before, total_after: RMS of all nine outputs.
-        fell_before, fell_after: Number of falls.
-        runs: Number of robots.
+    "reference_" begins the names of those without learned torques.
     """
 
     speed: float
-    before: FloatArray
-    after: FloatArray
-    total_before: float
-    total_after: float
-    fell_before: int
-    fell_after: int
-    runs: int
+    results: Sequence[Measures]
 
+    def rms(self, name: str) -> float:
+        """RMS of a measure over the robots that fell in neither run; NaN without any."""
+        both = [r[name] for r in self.results if not (r["fell"] or r["reference_fell"])]
+        return math.sqrt(sum(error**2 for error in both) / len(both)) if both else math.nan
 
-def compared(speed: float, results: Sequence[Measures]) -> Comparison:
-    """Results of `comparison` at one speed, combined."""
-    both = [r for r in results if not (r["fell"] or r["reference_fell"])]
+    def falls(self, name: str) -> int:
+        """Number of falls: of "fell" or "reference_fell"."""
+        return sum(int(r[name]) for r in self.results)
 
-    def rms(name: str) -> float:
-        return math.sqrt(sum(r[name] ** 2 for r in both) / len(both)) if both else math.nan
-
-    return Comparison(
-        speed,
-        np.array([rms(f"reference_{name}") for name in TRACKING]),
-        np.array([rms(name) for name in TRACKING]),
-        rms("reference_tracking"),
-        rms("tracking"),
-        sum(int(r["reference_fell"]) for r in results),
-        sum(int(r["fell"]) for r in results),
-        len(results),
-    )
+    @property
+    def worse(self) -> bool:
+        """Whether learned torques bring more falls or no smaller error."""
+        smaller = self.rms("tracking") < self.rms("reference_tracking")
+        return self.falls("fell") > self.falls("reference_fell") or not smaller
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -192,23 +148,21 @@ def run(arguments: argparse.Namespace) -> int:
     print(table(comparisons))
     _draw(arguments.out / "learn_torques.png", learned, comparisons)
     print(f"kept in {file}; use it with --set controller.learned_torques_file={file}")
-    worse = any(
-        c.fell_after > c.fell_before or not c.total_after < c.total_before for c in comparisons
-    )
-    return 1 if worse else 0
+    return 1 if any(comparison.worse for comparison in comparisons) else 0
 
 
 def table(comparisons: Sequence[Comparison]) -> str:
     """Table of the errors without and with learned torques, and of their ratio, by speed."""
     lines = [["m/s", "fell", "all nine", "left", *(name.replace("_", " ") for name in OUTPUTS)]]
     for c in comparisons:
+        before, after = c.rms("reference_tracking"), c.rms("tracking")
         lines.append(
             [
                 f"{c.speed:g}",
-                f"{c.fell_before} > {c.fell_after} of {c.runs}",
-                f"{c.total_before:.4f} > {c.total_after:.4f}",
-                f"{100.0 * c.total_after / c.total_before:.0f} %",
-                *(f"{100.0 * share:.0f} %" for share in c.after / c.before),
+                f"{c.falls('reference_fell')} > {c.falls('fell')} of {len(c.results)}",
+                f"{before:.4f} > {after:.4f}",
+                f"{100.0 * after / before:.0f} %",
+                *(f"{100.0 * c.rms(n) / c.rms(f'reference_{n}'):.0f} %" for n in TRACKING),
             ]
         )
     title = "RMS tracking without > with learned torques, and what is left of it, of each output"
@@ -231,13 +185,15 @@ def _begin(arguments: argparse.Namespace) -> LearnedTorques:
 def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers) -> LearnedTorques:
     """Rounds of learning; each robot of a round begins with the mean of the last round."""
     seeds = range(1, arguments.seeds + 1)
-    changes = tuple(arguments.set)
     print(f"learning by robots of seeds 1 to {arguments.seeds}", file=sys.stderr)
     total = arguments.rounds * arguments.seeds * len(learned.speeds)
     with progress_bar("run", total) as bar:
         for number in range(1, arguments.rounds + 1):
-            lessons = learning_runs(learned, seeds, arguments.seconds, changes)
-            outcomes = all_results(pool, learn, lessons, bar)
+            lesson = partial(
+                learn, learned=learned, seconds=arguments.seconds, changes=arguments.set
+            )
+            robots = list(product(learned.speeds.tolist(), seeds))
+            outcomes = all_results(pool, lesson, robots, bar)
             learned = merged(learned, outcomes)
             steps = sum(o.taught for o in outcomes)
             fell = ", ".join(f"{o.speed:g} m/s" for o in outcomes if o.fell) or "none"
@@ -247,7 +203,7 @@ def _learn(learned: LearnedTorques, arguments: argparse.Namespace, pool: Workers
         "seeds": list(seeds),
         "rounds": arguments.rounds,
         "seconds": arguments.seconds,
-        "changes": list(changes),
+        "changes": arguments.set,
         "begin": None if arguments.begin is None else str(arguments.begin.name),
         "versions": versions(),
     }
@@ -262,28 +218,15 @@ def _compare(
     """Comparison at every speed by held-out robots, with and without learned torques."""
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + arguments.held_out)
     changes = (*arguments.set, f"controller.learned_torques_file={file.resolve()}")
-    trials = [
-        comparison(seed, speed, COMPARED, changes)
-        for speed in learned.speeds.tolist()
-        for seed in seeds
-    ]
+    speeds = learned.speeds.tolist()
+    trials = [comparison(seed, speed, COMPARED, changes) for speed, seed in product(speeds, seeds)]
     with progress_bar("run", len(trials)) as bar:
-        results = all_results(pool, run_trial, trials, bar)
-    count = len(seeds)
-    return [
-        compared(speed, results[n * count : (n + 1) * count])
-        for n, speed in enumerate(learned.speeds.tolist())
-    ]
+        results = iter(all_results(pool, run_trial, trials, bar))
+    return [Comparison(speed, list(islice(results, len(seeds)))) for speed in speeds]
 
 
 def _draw(path: Path, learned: LearnedTorques, comparisons: Sequence[Comparison]) -> None:
-    """Draw the RMS error of each output without and with torques, above the torques by phase.
-
-    Args:
-        path: PNG file.
-        learned: The torques.
-        comparisons: Errors at each speed.
-    """
+    """Draw the RMS error of each output without and with torques, above the torques by phase."""
     with drawing(path, 11.0, 7.5) as figure:
         parts: Any = figure.subfigures(2, 1)
         _draw_errors(parts[0], comparisons)
@@ -294,11 +237,12 @@ def _draw_errors(figure: Any, comparisons: Sequence[Comparison]) -> None:
     axes = figure.subplots(1, len(OUTPUTS))
     places = np.arange(len(comparisons))
     for row, (name, plot) in enumerate(zip(OUTPUTS, axes, strict=True)):
-        for offset, colour, label, values in (
-            (-0.2, GREY, "without", [c.before[row] for c in comparisons]),
-            (0.2, BLUE, "learned", [c.after[row] for c in comparisons]),
+        for offset, colour, label, prefix in (
+            (-0.2, GREY, "without", "reference_"),
+            (0.2, BLUE, "learned", ""),
         ):
-            plot.bar(places + offset, 1e3 * np.array(values), 0.4, color=colour, label=label)
+            errors = [1e3 * c.rms(prefix + TRACKING[row]) for c in comparisons]
+            plot.bar(places + offset, errors, 0.4, color=colour, label=label)
         unit = "mm" if name in _LENGTHS else "mrad"
         plot.set_title(f"{name.replace('_', ' ')}\n{unit}", fontsize=8)
         plot.set_xticks(places, [f"{c.speed:g}" for c in comparisons], rotation=90, fontsize=7)
