@@ -34,6 +34,12 @@ WALKING = ("step in place", "walk")
 ON_FOOT = ("stand", *WALKING)
 ALL = (*ON_FOOT, "ride")
 
+_BRAKES = "stops and stands; on a Segway brakes and rides on"
+_GOOD_LINK, _COMMANDS_AGAIN = (
+    f"{what}, then the speeds at zero once" for what in ("good link", "commands again")
+)
+_POWER_ANEW = "hang it up, power off and on, let it down"
+
 _STOP_TIME = 8.0  # s: from 0.8 m/s at 0.3 m/s^2, then stepping in place
 _WATCHDOG = 0.022  # s: 20 ms without a command and a tick
 
@@ -148,13 +154,7 @@ def _damps_without(node: str, run: WallPaced, rng: Rng) -> None:
     _recovers(run)
 
 
-@_row(
-    "The radio's or page's link is bad",
-    "at once",
-    "stops and stands; on a Segway brakes and rides on",
-    "good link, then the speeds at zero once",
-    ALL,
-)
+@_row("The radio's or page's link is bad", "at once", _BRAKES, _GOOD_LINK, ALL)
 def _link_lost(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.changes |= {"link": False}
     _rests(run, state)
@@ -162,13 +162,7 @@ def _link_lost(run: WallPaced, rng: Rng, state: str) -> None:
     _wants_arming(run, state)
 
 
-@_row(
-    "The operator's node is killed or stopped",
-    "0.5 s",
-    "stops and stands; on a Segway brakes and rides on",
-    "commands again, then the speeds at zero once",
-    ALL,
-)
+@_row("The operator's node is killed or stopped", "0.5 s", _BRAKES, _COMMANDS_AGAIN, ALL)
 def _operator_silent(run: WallPaced, rng: Rng, state: str) -> None:
     run.person.silent = True
     run.until(lambda: "operator lost" in str(run.faults), 0.6, "the fault")
@@ -177,13 +171,7 @@ def _operator_silent(run: WallPaced, rng: Rng, state: str) -> None:
     _wants_arming(run, state)
 
 
-@_row(
-    "The link comes and goes every 0.05 to 0.7 s",
-    "at once",
-    "stops and stands; on a Segway brakes and rides on",
-    "good link, then the speeds at zero once",
-    ALL,
-)
+@_row("The link comes and goes every 0.05 to 0.7 s", "at once", _BRAKES, _GOOD_LINK, ALL)
 def _flapping_link(run: WallPaced, rng: Rng, state: str) -> None:
     for _ in range(8):
         good = bool(rng.integers(2))
@@ -201,7 +189,7 @@ def _flapping_link(run: WallPaced, rng: Rng, state: str) -> None:
     "Values that mean nothing arrive, and then nothing",
     "at once",
     "refuses them; stops and stands; on a Segway brakes and rides on",
-    "commands again, then the speeds at zero once",
+    _COMMANDS_AGAIN,
     ALL,
 )
 def _wild_values(run: WallPaced, rng: Rng, state: str) -> None:
@@ -269,7 +257,7 @@ def _power_cut(run: WallPaced, rng: Rng, state: str) -> None:
     "Another operator presses the emergency stop",
     "one physics step",
     "no power, until the holder of the lease switches it off and on",
-    "hang it up, power off and on, let it down",
+    _POWER_ANEW,
 )
 def _other_operator_stops(run: WallPaced, rng: Rng, state: str) -> None:
     other = SimulatedOperator("person-2")
@@ -287,7 +275,7 @@ def _other_operator_stops(run: WallPaced, rng: Rng, state: str) -> None:
     "The state estimator is killed, stopped or restarted",
     "20 ms",
     "drives damp",
-    "restart it; hang it up, power off and on, let it down",
+    f"restart it; {_POWER_ANEW}",
 )
 def _estimator_silent(run: WallPaced, rng: Rng, state: str) -> None:
     _damps_without(ESTIMATOR, run, rng)
@@ -297,7 +285,7 @@ def _estimator_silent(run: WallPaced, rng: Rng, state: str) -> None:
     "The gait controller is killed, stopped or restarted",
     "20 ms",
     "drives damp",
-    "restart it; hang it up, power off and on, let it down",
+    f"restart it; {_POWER_ANEW}",
 )
 def _controller_silent(run: WallPaced, rng: Rng, state: str) -> None:
     _damps_without(CONTROLLER, run, rng)
@@ -409,12 +397,7 @@ def _missed_ticks(run: WallPaced, rng: Rng, state: str) -> None:
     _rests(run, state)
 
 
-@_row(
-    "The link is lost and a push of 8 Ns comes",
-    "at once",
-    "stops and stands",
-    "good link, then the speeds at zero once",
-)
+@_row("The link is lost and a push of 8 Ns comes", "at once", "stops and stands", _GOOD_LINK)
 def _link_lost_and_push(run: WallPaced, rng: Rng, state: str) -> None:
     angle = rng.uniform(0.0, 2.0 * np.pi)
     force = 8.0 / 0.1
