@@ -7,19 +7,21 @@ import contextlib
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from tqdm import tqdm
 
 from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.progress import progress_bar
+from cassie_bags.run.provenance import versions
 from cassie_bags.run.yaml_file import apply_changes, spelled_out
 from cassie_bags.studies.tune.objective import DEFAULT, Objective, load_objective
-from cassie_bags.studies.tune.result import Score, table, write_result
 from cassie_bags.studies.tune.search import Search
 from cassie_bags.studies.tune.space import Parameter, parameters, values
 from cassie_bags.studies.workers import Workers, all_results, workers
@@ -30,6 +32,18 @@ HELD_OUT_FROM = 1_000_001
 """First seed of the held-out robots, which the search does not use."""
 
 START_SCORE, FOUND_SCORE = "held out, to begin with", "held out, found"
+
+
+@dataclass(frozen=True)
+class Score:
+    """Score of a set of parameters on a set of seeds: mean cost of a run, falls, runs."""
+
+    cost: float
+    fell: int
+    runs: int
+
+    def __str__(self) -> str:
+        return f"cost {self.cost:.3f}, {self.fell} of {self.runs} fell"
 
 
 @dataclass(frozen=True)
@@ -49,11 +63,27 @@ class Task:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Search, and report the result; returns the exit code."""
+    """Search until the last generation or Ctrl-C, then report; returns the exit code."""
     task = _task(arguments)
     arguments.out.mkdir(parents=True, exist_ok=True)
-    with contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as pool:
-        _tune(task, pool, arguments)
+    state, scores = arguments.out / "search.pickle", {}
+    with (
+        contextlib.closing(workers(arguments.jobs, arguments.scheduler)) as pool,
+        progress_bar("run") as bar,
+    ):
+        if arguments.resume:
+            search = Search.load(state, task.purpose())
+        else:
+            size = len(task.space)
+            search = Search.begin(size, arguments.seed, arguments.step, arguments.population)
+            search.save(state, task.purpose())
+        try:
+            _advance(task, search, pool, bar, arguments.generations, state)
+            if arguments.held_out:
+                scores = _held_out(task, search, pool, bar, arguments.held_out)
+        except KeyboardInterrupt:
+            bar.write("stopped; what was found is kept, --resume goes on", file=sys.stderr)
+    _report(task, search, scores, arguments)
     return 0
 
 
@@ -77,47 +107,45 @@ def _task(arguments: argparse.Namespace) -> Task:
     return task
 
 
-def _tune(task: Task, pool: Workers, arguments: argparse.Namespace) -> None:
-    """Search until the last generation or Ctrl-C, then report on held-out robots."""
-    state = arguments.out / "search.pickle"
-    with progress_bar("run") as bar:
-        if arguments.resume:
-            search = Search.load(state, task.purpose())
-        else:
-            size = len(task.space)
-            search = Search.begin(size, arguments.seed, arguments.step, arguments.population)
-            search.save(state, task.purpose())
-        stopped = False
-        try:
-            _advance(task, search, pool, bar, arguments.generations, state)
-        except KeyboardInterrupt:
-            stopped = True
-            _say(bar, "stopped; what was found is kept, --resume goes on")
-        scores: dict[str, Score] = {}
-        if not stopped and arguments.held_out:
-            scores = _held_out(task, search, pool, bar, arguments.held_out)
-    _report(task, search, scores, arguments)
-
-
 def _report(
     task: Task, search: Search, scores: Mapping[str, Score], arguments: argparse.Namespace
 ) -> None:
-    best = values(task.space, search.found)
-    settings = {
-        "objective": unstructure(task.objective),
-        "robots of a generation": task.seeds,
-        "seed": arguments.seed,
-        "changes": list(task.changes),
-        "population": search.population,
+    """Write and print the results of a search.
+
+    The files are tuned.yaml, a `controller:` section for experiments; tuned_node.yaml, the same
+    values as a parameter file of the node; and tuned.json, with the origin of the values.
+    """
+    found = values(task.space, search.found)
+    comments = "".join(f"# {name}: {result}\n" for name, result in scores.items())
+    node = {"gait_controller": {"ros__parameters": found}}
+    for name, content in {"tuned": {"controller": found}, "tuned_node": node}.items():
+        path = arguments.out / f"{name}.yaml"
+        path.write_text(comments + yaml.safe_dump(content), "utf-8")
+    provenance = {
+        "parameters": [{**asdict(p), "found": found[p.name]} for p in task.space],
+        "scores": {name: asdict(score) for name, score in scores.items()},
+        "history": [asdict(generation) for generation in search.history],
+        "settings": {
+            "objective": unstructure(task.objective),
+            "robots of a generation": task.seeds,
+            "seed": arguments.seed,
+            "changes": list(task.changes),
+            "population": search.population,
+        },
+        "versions": versions(),
     }
-    files = write_result(arguments.out, task.space, best, search, scores, settings)
-    print(table(task.space, best))
+    (arguments.out / "tuned.json").write_text(json.dumps(provenance, indent=1), "utf-8")
+    width = max(len(parameter.name) for parameter in task.space)
+    print(f"{'parameter':{width}}  {'from':>10}  {'found':>10}  unit")
+    for p in task.space:
+        print(f"{p.name:{width}}  {p.start:10.4g}  {found[p.name]:10.4g}  {p.unit}")
     print(f"after {len(search.history)} generations of {search.population}")
     for name, result in scores.items():
         print(f"{name}: {result}")
     if scores and scores[FOUND_SCORE].cost >= scores[START_SCORE].cost:
         print("no better than what it began from on robots held out: stay with that")
-    print(f"kept in {files['section']}; use it with --set @{files['section']}")
+    kept = arguments.out / "tuned.yaml"
+    print(f"kept in {kept}; use it with --set @{kept}")
 
 
 def _advance(
@@ -133,10 +161,10 @@ def _advance(
 
         generation = search.advance(evaluate)
         search.save(state, task.purpose())
-        _say(
-            bar,
+        bar.write(
             f"generation {generation.number} of {generations}: best {generation.best:.3f}, "
             f"middle {generation.middle:.3f}, step {generation.step:.2f}",
+            file=sys.stderr,
         )
 
 
@@ -166,22 +194,15 @@ def score(
     """
     from cassie_bags.studies.run_trial import run_trial
 
-    trials, owners = [], []
-    for index, candidate in enumerate(candidates):
-        some = task.objective.trials(values(task.space, candidate), seeds, task.changes)
-        trials += some
-        owners += [index] * len(some)
-    costs: list[list[float]] = [[] for _ in candidates]
-    fell = [0] * len(candidates)
-    results = all_results(pool, run_trial, trials, bar)
-    for owner, trial, measures in zip(owners, trials, results, strict=True):
-        costs[owner].append(task.objective.cost_of(trial, measures))
-        fell[owner] += int(measures["fell"])
-    return [
-        Score(float(np.mean(np.sort(cost))), falls, len(cost))
-        for cost, falls in zip(costs, fell, strict=True)
+    each = [
+        task.objective.trials(values(task.space, candidate), seeds, task.changes)
+        for candidate in candidates
     ]
-
-
-def _say(bar: tqdm, text: str) -> None:
-    bar.write(text, file=sys.stderr)
+    results = iter(all_results(pool, run_trial, list(chain.from_iterable(each)), bar))
+    scores = []
+    for trials in each:
+        measured = list(islice(results, len(trials)))
+        costs = [task.objective.cost_of(*pair) for pair in zip(trials, measured, strict=True)]
+        fell = sum(int(measures["fell"]) for measures in measured)
+        scores.append(Score(float(np.mean(np.sort(costs))), fell, len(costs)))
+    return scores
