@@ -13,7 +13,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.studies.run_trial import MEASURES, run_trial
 from cassie_bags.studies.sweep.course import Budget, reached_at, step_time
 from cassie_bags.studies.sweep.formula import filled, resolved
-from cassie_bags.studies.sweep.row import Row, value
+from cassie_bags.studies.sweep.row import Row
 from cassie_bags.studies.sweep.row_file import KEYS, checked_rows, read_rows
 from cassie_bags.studies.sweep.table import all_rows, chosen_rows
 from cassie_msgs.tunables import ParameterError
@@ -158,7 +158,7 @@ def test_every_figure_and_bound_of_the_rows_is_one_of_the_measures():
         row.holds(measures, row.levels[0])
         for figure in (row.figure, row.achieved):
             if figure is not None:
-                value(figure, measures, row.levels[0])
+                figure(measures, row.levels[0])
 
 
 def test_a_run_has_the_measures_that_rows_may_name():

@@ -93,7 +93,6 @@ def walk(
     *,
     then: Sequence[Mapping[str, Any]] = (),
     ahead: float | None = None,
-    history: float | None = None,
     **sections: Any,
 ) -> Trial:
     """Trial of walking as commanded from `COMMAND_AT` to the end of the window.
@@ -104,7 +103,7 @@ def walk(
         window: Part to measure. In s.
         vx, vy, yaw_rate: Commanded speeds; without any, the robot steps in place. In m/s and rad/s.
         then: Further steps of the operator.
-        ahead, history: See `Trial`.
+        ahead: See `Trial`.
         sections: Other sections of the experiment.
     """
     speeds = {"vx": vx, "vy": vy, "yaw_rate": yaw_rate}
@@ -123,7 +122,7 @@ def walk(
         "supervisor": opened_limits(command),
         **sections,
     }
-    return Trial(content, seed, window, ahead, budget.changes, history=history)
+    return Trial(content, seed, window, ahead, budget.changes)
 
 
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:

@@ -12,52 +12,66 @@ from cassie_bags.studies.sweep.course import Budget, Trials
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_bags.studies.workers import Workers
 
-Figure = str | Callable[[Measures, float], float]
-"""Figure of a trial: name of a measure, or a function of the trial's measures and the level."""
+Figure = Callable[[Measures, float], float]
+"""Figure of a trial: a function of the trial's measures and the level."""
 
 
 @dataclass(frozen=True)
-class Row:
-    """One capability, a row of the table.
-
-    The levels are settings of rising difficulty, such as the strength of a push. A level holds
-    if at least `share` of its trials hold. From `first` on, harder levels are tried until one
-    does not hold. If `first` does not hold, easier levels are tried until one holds.
+class Capability:
+    """What a row is about, and its target.
 
     Attributes:
         name: Unique name, group.word.
         title: Title for readers.
         unit: Unit of the figure.
         target: Figure to reach. In `unit`.
-        levels: Settings from easy to hard.
-        trials: Makes the trials of a level.
-        holds: Whether a trial that did not fall holds at a level.
-        figure: Figure of a trial, or None if the level itself is the figure.
-        share: Share of the trials that must hold.
         at_least: Whether figures above the target are better.
-        counts: Whether the figure is the share of the trials that hold, in percent.
-        start: Index of the level to try first; None: that of the target, or else the easiest.
-        achieved: Speed that a trial reached, if levels are commanded speeds; else None. In m/s.
     """
 
     name: str
     title: str
     unit: str
     target: float
-    levels: Sequence[float]
-    trials: Trials
-    holds: Callable[[Measures, float], bool] = lambda measures, level: True
-    figure: Figure | None = None
-    share: float = 1.0
-    at_least: bool = True
-    counts: bool = False
-    start: int | None = None
-    achieved: Figure | None = None
+    at_least: bool = field(default=True, kw_only=True)
 
     @property
     def group(self) -> str:
         """First part of the name."""
         return self.name.partition(".")[0]
+
+    @property
+    def bound(self) -> str:
+        """The target with its unit, and a sign for the side on which figures must lie."""
+        return f"{'≥' if self.at_least else '≤'} {self.target:g} {self.unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Row(Capability):
+    """One capability, a row of the table, and how it is measured.
+
+    The levels are settings of rising difficulty, such as the strength of a push. A level holds
+    if at least `share` of its trials hold. From `first` on, harder levels are tried until one
+    does not hold. If `first` does not hold, easier levels are tried until one holds.
+
+    Attributes:
+        levels: Settings from easy to hard.
+        trials: Makes the trials of a level.
+        holds: Whether a trial that did not fall holds at a level.
+        figure: Figure of a trial, or None if the level itself is the figure.
+        share: Share of the trials that must hold.
+        counts: Whether the figure is the share of the trials that hold, in percent.
+        start: Index of the level to try first; None: that of the target, or else the easiest.
+        achieved: Speed that a trial reached, if levels are commanded speeds; else None. In m/s.
+    """
+
+    levels: Sequence[float]
+    trials: Trials
+    holds: Callable[[Measures, float], bool] = lambda measures, level: True
+    figure: Figure | None = None
+    share: float = 1.0
+    counts: bool = False
+    start: int | None = None
+    achieved: Figure | None = None
 
     @property
     def first(self) -> int:
@@ -188,40 +202,34 @@ def measure_level(
     """Run the trials of a level; stop once the level is decided, unless every trial counts."""
     trials = row.trials(budget, level)
     needed = math.ceil(row.share * len(trials) - 1e-9)
-    done = held = fell = alarmed = 0
-    seconds = 0.0
-    figures: list[float] = []
+    decides = (row.figure is None or len(row.levels) > 1) and not row.counts
+    measured: dict[int, Measures] = {}
     missed: list[int] = []
-    achieved: dict[int, float] = {}
-    results = workers.results(run, trials)
-    for index, result in results:
-        done += 1
-        fallen = result["fell"] > 0.0
-        good = not fallen and row.holds(result, level)
-        held, fell = held + good, fell + fallen
-        alarmed += result["false_alarms"] > 0.0
-        seconds += result["end"]
-        missed += [] if good else [trials[index].seed]
-        if row.figure is not None and not fallen:
-            figure = value(row.figure, result, level)
-            figures += [figure] if math.isfinite(figure) else []
-        if row.achieved is not None and not fallen:
-            achieved[index] = value(row.achieved, result, level)
-        progress(f"{row.name} {level:g}: {held}/{done}")
-        decides = row.figure is None or len(row.levels) > 1
-        if decides and not row.counts and done - held > len(trials) - needed:
+    for index, measures in workers.results(run, trials):
+        measured[index] = measures
+        if measures["fell"] or not row.holds(measures, level):
+            missed.append(trials[index].seed)
+        held = len(measured) - len(missed)
+        progress(f"{row.name} {level:g}: {held}/{len(measured)}")
+        if decides and len(missed) > len(trials) - needed:
             break
-    worst = (min if row.at_least else max)(figures, default=math.nan)
-    mean = sum(figures) / len(figures) if figures else math.nan
-    passed = held >= needed
-    speeds = None if row.achieved is None else [achieved[index] for index in sorted(achieved)]
-    counted = len(trials), done, held, fell, worst, mean, passed, missed, speeds, alarmed, seconds
-    return Level(level, *counted)
-
-
-def value(figure: Figure, measures: Measures, level: float) -> float:
-    """A figure of a trial."""
-    return measures[figure] if isinstance(figure, str) else figure(measures, level)
+    upright = {index: each for index, each in measured.items() if not each["fell"]}
+    figures = [row.figure(each, level) for each in upright.values()] if row.figure else []
+    figures = list(filter(math.isfinite, figures))
+    return Level(
+        level=level,
+        planned=len(trials),
+        run=len(measured),
+        held=held,
+        fell=len(measured) - len(upright),
+        worst=(min if row.at_least else max)(figures, default=math.nan),
+        mean=sum(figures) / len(figures) if figures else math.nan,
+        passed=held >= needed,
+        missed=missed,
+        achieved=row.achieved and [row.achieved(upright[i], level) for i in sorted(upright)],
+        alarmed=sum(each["false_alarms"] > 0.0 for each in measured.values()),
+        seconds=sum(each["end"] for each in measured.values()),
+    )
 
 
 def _meets(row: Row, figure: float) -> bool:

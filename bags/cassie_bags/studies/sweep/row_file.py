@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from itertools import islice
@@ -23,7 +23,7 @@ from cassie_bags.studies.sweep.course import PUSH_TIME, Budget, push, reached_at
 from cassie_bags.studies.sweep.figures import FIGURES, figure_of
 from cassie_bags.studies.sweep.formula import filled, resolved
 from cassie_bags.studies.sweep.motions import MOTIONS, Motion
-from cassie_bags.studies.sweep.row import Row, value
+from cassie_bags.studies.sweep.row import Figure, Row
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_gaits.errors import CassieError
 from cassie_gaits.robot import WEIGHT
@@ -253,7 +253,7 @@ class _Data:
                 return False
         return self.moved(names).holds(measures)
 
-    def figure(self, text: str | None) -> Callable[[Measures, float], float] | None:
+    def figure(self, text: str | None) -> Figure | None:
         """Function for a figure: its name, or a formula with names of figures."""
         if text is None:
             return None
@@ -291,14 +291,11 @@ def _stride() -> float:
     return 2.0 * step_time(STRIDE_SPEED) * STRIDE_SPEED
 
 
-def shipped_rows(*names: str) -> list[Row]:
-    """Rows of files of this package, by the files' names."""
-    return [row for name in names for row in _shipped(name)]
-
-
 @cache
-def _shipped(name: str) -> list[Row]:
-    return read_rows(Path(__file__).with_name("rows") / f"{name}.yaml")
+def shipped_rows(*names: str) -> Sequence[Row]:
+    """Rows of files of this package, by the files' names."""
+    folder = Path(__file__).with_name("rows")
+    return [row for name in names for row in read_rows(folder / f"{name}.yaml")]
 
 
 def read_rows(path: Path) -> list[Row]:
@@ -352,7 +349,7 @@ def _check(row: Row) -> None:
         row.holds(measures, level)
         for figure in (row.figure, row.achieved):
             if figure is not None:
-                value(figure, measures, level)
+                figure(measures, level)
 
 
 def _rows(

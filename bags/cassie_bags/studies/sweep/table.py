@@ -13,7 +13,7 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.report.plain import aligned, finite
 from cassie_bags.run.provenance import Origin, versions
 from cassie_bags.studies.sweep.course import Budget
-from cassie_bags.studies.sweep.row import Level, Row, RowResult
+from cassie_bags.studies.sweep.row import Capability, Level, Row, RowResult
 from cassie_bags.studies.sweep.row_file import shipped_rows
 from cassie_msgs.tunables import unknown_name
 
@@ -30,12 +30,12 @@ def all_rows() -> list[Row]:
     return [*promised_rows(), *rows_beyond()]
 
 
-def promised_rows() -> list[Row]:
+def promised_rows() -> Sequence[Row]:
     """Rows whose targets the robot is to reach."""
     return shipped_rows("walking", "ground", "loop", "segway", "standing")
 
 
-def rows_beyond() -> list[Row]:
+def rows_beyond() -> Sequence[Row]:
     """Rows that look for limits, with targets that are not promised."""
     return shipped_rows("beyond", "segway_shaking")
 
@@ -54,7 +54,7 @@ def chosen_rows(names: Sequence[str], own: Sequence[Row] = ()) -> list[Row]:
     """
     promised, beyond = [*promised_rows(), *own], rows_beyond()
     if not names:
-        return list(own) or promised
+        return list(own or promised)
     rows, groups = [*promised, *beyond], {row.group for row in promised}
     known = {row.name for row in rows} | {row.group for row in rows} | {BEYOND}
     for name in names:
@@ -70,7 +70,7 @@ def table(rows: Sequence[Row], results: Results) -> str:
     """The results as text: target, result of each variant with its falls; then false alarms."""
     lines = [["capability", "target", *results]]
     for row in rows:
-        bound = f"{'>=' if row.at_least else '<='} {row.target:g} {row.unit}"
+        bound = row.bound.replace("≥", ">=").replace("≤", "<=")
         lines.append([row.title, bound, *(cell(found.get(row.name)) for found in results.values())])
     text = aligned(lines, left=len(lines[0]))
     for name, found in results.items():
@@ -95,11 +95,10 @@ def reached(result: RowResult) -> tuple[str, str]:
     """The figure of a row, and its falls and false alarms; or the problem, and an empty text."""
     if result.problem:
         return result.problem, ""
-    tried = {level.level: level for level in result.levels}
-    fell = sum(level.fell for level in tried.values())
-    runs = sum(level.run for level in tried.values())
+    fell = sum(level.fell for level in result.levels)
+    runs = sum(level.run for level in result.levels)
     value = "none" if math.isnan(result.measured) else f"{result.measured:.3g}"
-    alarmed = sum(level.alarmed for level in tried.values())
+    alarmed = sum(level.alarmed for level in result.levels)
     alarms = f", {alarmed} with a false alarm" if alarmed else ""
     return value, f"({fell} of {runs} fell{alarms})"
 
@@ -116,50 +115,22 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
     Raises:
         OSError: if the file cannot be written.
     """
-    stored = [_stored(row, results) for row in rows]
-    content = {
-        "versions": versions(),
-        "budget": asdict(budget),
-        "rows": [asdict(row) for row in stored if row.results],
-    }
+    stored = []
+    for row in rows:
+        own = {name: found[row.name] for name, found in results.items() if row.name in found}
+        if own:
+            fields = row.name, row.title, row.unit, row.target
+            stored.append(asdict(StoredRow(*fields, own, at_least=row.at_least)))
+    content = {"versions": versions(), "budget": asdict(budget), "rows": stored}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(finite(content), indent=1, allow_nan=False), encoding="utf-8")
 
 
 @dataclass(frozen=True)
-class StoredRow:
-    """A row as `save` stored it.
+class StoredRow(Capability):
+    """A row as `save` stored it, with results by name of the variant."""
 
-    Attributes:
-        name: Name of the row, group.word.
-        title: Title for readers.
-        unit: Unit of the figure.
-        target: Figure to reach. In `unit`.
-        at_least: Whether figures above the target are better.
-        results: Results by name of the variant.
-    """
-
-    name: str
-    title: str
-    unit: str
-    target: float
-    at_least: bool
     results: Mapping[str, RowResult]
-
-    @property
-    def group(self) -> str:
-        """First part of the name."""
-        return self.name.partition(".")[0]
-
-    @property
-    def bound(self) -> str:
-        """The target with its unit, and a sign for the side on which figures must lie."""
-        return f"{'≥' if self.at_least else '≤'} {self.target:g} {self.unit}".rstrip()
-
-
-def _stored(row: Row, results: Results) -> StoredRow:
-    own = {name: found[row.name] for name, found in results.items() if row.name in found}
-    return StoredRow(row.name, row.title, row.unit, row.target, row.at_least, own)
 
 
 def read_rows(path: Path) -> list[StoredRow]:
@@ -220,17 +191,12 @@ def _row(content: Mapping[str, Any]) -> StoredRow:
 
 def _result(content: Mapping[str, Any]) -> RowResult:
     origin = content.get("origin")
-    read = {
-        "measured": _number(content["measured"]),
-        "levels": [_level(level) for level in content["levels"]],
-        "origin": None if origin is None else Origin(**origin),
-    }
-    return RowResult(**{**content, **read})
-
-
-def _level(content: Mapping[str, Any]) -> Level:
-    figures = {name: _number(content[name]) for name in ("worst", "mean")}
-    return Level(**{**content, **figures})
+    levels = [
+        Level(**{**level, **{name: _number(level[name]) for name in ("worst", "mean")}})
+        for level in content["levels"]
+    ]
+    read = {"measured": _number(content["measured"]), "levels": levels}
+    return RowResult(**{**content, **read, "origin": origin and Origin(**origin)})
 
 
 def _number(value: float | None) -> float:
