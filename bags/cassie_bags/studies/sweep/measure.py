@@ -22,7 +22,6 @@ from cassie_bags.studies.sweep.results_file import MEASURED, PAPERS, merge
 from cassie_bags.studies.sweep.row import Row, RowResult, measure_row
 from cassie_bags.studies.sweep.row_file import checked_rows
 from cassie_bags.studies.sweep.table import (
-    StoredRow,
     all_rows,
     cell,
     chosen_rows,
@@ -66,34 +65,37 @@ def run(arguments: argparse.Namespace) -> int:
 
 def command(arguments: argparse.Namespace) -> str:
     """The command that repeats the measurement, without options that do not change results."""
-    words = [*arguments.rows, *([] if arguments.own is None else ["--rows", arguments.own])]
-    words += ["--seeds", arguments.seeds]
-    words += [] if arguments.first == 1 else ["--first", arguments.first]
-    words += ["--phases", arguments.phases]
-    words += ["--seconds", f"{arguments.seconds:g}"]
-    words += [] if arguments.beyond is None else ["--beyond", arguments.beyond]
-    for change in arguments.set:
-        words += ["--set", change]
-    if arguments.no_compare:
-        words.append("--no-compare")
-    else:
-        words += [] if arguments.compare == PAPER_LAW else ["--compare", arguments.compare]
-        few = arguments.compare_seeds
-        words += [] if few is None else ["--compare-seeds", few]
-    return shlex.join(["ros2", "run", "cassie_bags", "sweep", *map(str, words)])
+    measured = {
+        "--rows": arguments.own,
+        "--seeds": arguments.seeds,
+        "--first": None if arguments.first == 1 else arguments.first,
+        "--phases": arguments.phases,
+        "--seconds": f"{arguments.seconds:g}",
+        "--beyond": arguments.beyond,
+    }
+    compared = {
+        "--compare": None if arguments.compare == PAPER_LAW else arguments.compare,
+        "--compare-seeds": arguments.compare_seeds,
+    }
+    options = [*measured.items(), *(("--set", change) for change in arguments.set)]
+    options += [] if arguments.no_compare else compared.items()
+    words = [word for option in options if option[1] is not None for word in map(str, option)]
+    words += ["--no-compare"] * arguments.no_compare
+    return shlex.join(["ros2", "run", "cassie_bags", "sweep", *arguments.rows, *words])
 
 
 def seeds(arguments: argparse.Namespace) -> str:
     """Seeds of the drawn robots, in words."""
-
-    def up_to(count: int) -> str:
-        return _span(arguments.first, count)
-
+    first, every = arguments.first, _span(arguments.first, arguments.seeds)
     fewer = arguments.compare_seeds or arguments.seeds
     if arguments.no_compare or fewer >= arguments.seeds:
-        return up_to(arguments.seeds)
-    name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
-    return f"{up_to(arguments.seeds)}; {name} {up_to(fewer)}"
+        return every
+    return f"{every}; {_compared(arguments)} {_span(first, fewer)}"
+
+
+def _compared(arguments: argparse.Namespace) -> str:
+    """Name of the law that is compared."""
+    return PAPERS if arguments.compare == PAPER_LAW else str(arguments.compare)
 
 
 def _span(first: int, count: int) -> str:
@@ -122,32 +124,29 @@ def _measure(
     """
     from cassie_bags.studies.run_trial import experiment_of  # loading robot and law takes seconds
 
-    own = spelled_out(arguments.set)
+    extent = arguments.seeds, arguments.phases, arguments.seconds, arguments.beyond
+    budget = Budget(*extent, spelled_out(arguments.set), arguments.first)
     shipped = _variant(arguments, MEASURED)
-    variants: dict[str, tuple[str, ...]] = {shipped: own}
+    variants = {shipped: budget}
     if not arguments.no_compare:
-        name = PAPERS if arguments.compare == PAPER_LAW else arguments.compare
-        variants[_variant(arguments, name)] = (*own, *spelled_out([arguments.compare]))
-    for changes in variants.values():
-        experiment_of(walk(Budget(changes=changes), 1, (0.0, 1.0)))
-    budget = Budget(
-        arguments.seeds,
-        arguments.phases,
-        arguments.seconds,
-        arguments.beyond,
-        own,
-        arguments.first,
-    )
+        few = arguments.compare_seeds or max(budget.seeds, budget.phases)
+        variants[_variant(arguments, _compared(arguments))] = dataclasses.replace(
+            budget,
+            seeds=min(few, budget.seeds),
+            phases=min(few, budget.phases),
+            changes=(*budget.changes, *spelled_out([arguments.compare])),
+        )
+    for of_variant in variants.values():
+        experiment_of(walk(of_variant, 1, (0.0, 1.0)))
     file, order = arguments.out / "sweeps.json", [row.title for row in every]
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
     if arguments.resume:
         for name, found in load(file, every, budget).items():
             results.setdefault(name, {}).update(found)
-    fewer = {} if arguments.compare_seeds is None else _fewer(budget, arguments.compare_seeds)
     open_rows = [
-        (row, name, dataclasses.replace(budget, changes=changes, **(fewer if compared else {})))
+        (row, name, of_variant)
         for row in rows
-        for compared, (name, changes) in enumerate(variants.items())
+        for name, of_variant in variants.items()
         if row.name not in results[name]
     ]
     try:
@@ -155,23 +154,20 @@ def _measure(
             results[name][row.name] = dataclasses.replace(result, origin=made)
             save(file, every, results, budget)
     finally:
-        if measured := _done(rows, results[shipped]):
+        if measured := [row for row in rows if row.name in results[shipped]]:
             print(table(measured, results))
-        if done := _done(every, results[shipped]):
+        if done := [row for row in every if row.name in results[shipped]]:
             (arguments.out / "sweeps.txt").write_text(table(done, results) + "\n", "utf-8")
             stored = read_rows(file)
-            _merge(arguments.out / "sweeps.md", "# Results of sweeps\n", stored, order)
+            text = merge("# Results of sweeps\n", stored, order)
+            (arguments.out / "sweeps.md").write_text(text, "utf-8")
             from cassie_bags.studies.sweep.picture import draw  # loading matplotlib takes a second
 
             draw(arguments.out / "sweeps.png", stored)
     if arguments.results is not None:
-        _merge(arguments.results, _text(arguments.results), read_rows(file), order)
+        text = merge(_text(arguments.results), read_rows(file), order)
+        arguments.results.write_text(text, "utf-8")
     return results
-
-
-def _merge(path: Path, text: str, stored: list[StoredRow], order: list[str]) -> None:
-    """Write a file of results: a text with the rows merged into it, in the order of titles."""
-    path.write_text(merge(text, stored, order), "utf-8")
 
 
 def _check_mergeable(arguments: argparse.Namespace) -> None:
@@ -184,15 +180,6 @@ def _check_mergeable(arguments: argparse.Namespace) -> None:
 
 def _text(path: Path) -> str:
     return path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
-
-
-def _done(rows: list[Row], results: dict[str, RowResult]) -> list[Row]:
-    return [row for row in rows if row.name in results]
-
-
-def _fewer(budget: Budget, seeds: int) -> dict[str, int]:
-    """Changes of a budget for at most this number of robots."""
-    return {"seeds": min(seeds, budget.seeds), "phases": min(seeds, budget.phases)}
 
 
 def _measured(
