@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import matplotlib
@@ -38,31 +39,16 @@ _FINEST = 1.0  # cm/s, difference of speeds up to which the scale is linear, the
 _LARGEST = 100.0  # cm/s, largest difference in the picture
 
 
-@dataclass(frozen=True)
-class _Around:
-    """A polar plot.
-
-    Attributes:
-        title: Title of the plot.
-        kinds: Label of each group of rows in the plot; the rows' names end in directions.
-    """
-
-    title: str
-    kinds: Mapping[str, str]
-
-
 _SHORT, _OTHER = "0.1 s", "0.05 to 0.4 s"
-_AROUND = (
-    _Around("Pushes, in place (Ns)", {"push_in_place": _SHORT, "push_circle_in_place": _OTHER}),
-    _Around("Pushes, 0.5 m/s (Ns)", {"push_walking": _SHORT, "push_circle_slow": _OTHER}),
-    _Around("Pushes, 1 m/s (Ns)", {"push_circle_fast": ""}),
-    _Around(
-        "Pushes, standing (Ns)", {"stand_recovery": "with steps", "stand_push": "without a step"}
-    ),
-    _Around(
-        "Ground that rises, standing (deg)", {"stand_slope": "slope", "stand_tilting": "tilts"}
-    ),
-)
+_AROUND = {
+    "Pushes, in place (Ns)": {"push_in_place": _SHORT, "push_circle_in_place": _OTHER},
+    "Pushes, 0.5 m/s (Ns)": {"push_walking": _SHORT, "push_circle_slow": _OTHER},
+    "Pushes, 1 m/s (Ns)": {"push_circle_fast": ""},
+    "Pushes, standing (Ns)": {"stand_recovery": "with steps", "stand_push": "without a step"},
+    "Ground that rises, standing (deg)": {"stand_slope": "slope", "stand_tilting": "tilts"},
+}
+"""Polar plots by title: label of each group of rows, whose names end in directions."""
+
 _LINES = ("-", "--")  # line styles of the kinds
 _INNERMOST = 0.35  # ratio to the largest value below which rings have no number
 _WIDEST = 90.0  # deg, largest angle between directions that a line joins
@@ -131,7 +117,8 @@ def draw(path: Path, rows: Sequence[StoredRow]) -> None:
 
 def compose(rows: Sequence[StoredRow]) -> Figure | None:
     """Picture of the results, without panels that have no results; None without any panel."""
-    around = [panel for panel in _AROUND if any(row.group in panel.kinds for row in rows)]
+    groups = {row.group for row in rows}
+    around = [title for title, kinds in _AROUND.items() if groups & kinds.keys()]
     speeds = [row for row in rows if row.group in _SPEEDS and _commands_speed(row)]
     grounds = [
         (title, shown)
@@ -202,34 +189,30 @@ def _origins(strip: SubFigure, rows: Sequence[StoredRow]) -> None:
 
 
 def _draw_around(
-    strip: SubFigure,
-    panels: Sequence[_Around],
-    rows: Sequence[StoredRow],
-    colours: Mapping[str, str],
+    strip: SubFigure, titles: Sequence[str], rows: Sequence[StoredRow], colours: Mapping[str, str]
 ) -> None:
-    axes = np.ravel(strip.subplots(1, len(panels), subplot_kw={"projection": "polar"}))
-    for axis, panel in zip(axes, panels, strict=True):
+    axes = np.ravel(strip.subplots(1, len(titles), subplot_kw={"projection": "polar"}))
+    for axis, title in zip(axes, titles, strict=True):
         axis.set_theta_zero_location("N")
-        axis.set_thetagrids([angle for angle, _ in _COMPASS], [name for _, name in _COMPASS])
+        axis.set_thetagrids(*zip(*_COMPASS, strict=True))
         axis.set_rlabel_position(22.5)
         axis.tick_params(labelsize=_SMALL, pad=1)
         axis.grid(color="#dddddd", linewidth=0.6)
         axis.spines["polar"].set_visible(False)
-        axis.set_title(panel.title, loc="center", fontsize=9, pad=10)
-        kinds = [group for group in panel.kinds if any(row.group == group for row in rows)]
-        for group, style in zip(kinds, _LINES, strict=False):
-            shown = sorted((row for row in rows if row.group == group), key=_angle)
+        axis.set_title(title, loc="center", fontsize=9, pad=10)
+        kinds = {
+            word: found
+            for group, word in _AROUND[title].items()
+            if (found := sorted((row for row in rows if row.group == group), key=_angle))
+        }
+        for shown, style in zip(kinds.values(), _LINES, strict=False):
             _draw_directions(axis, shown, style, colours)
-        _set_rings(axis, [row for row in rows if row.group in kinds])
+        _set_rings(axis, list(chain.from_iterable(kinds.values())))
         if len(kinds) > 1:
-            handles = [
-                Line2D([], [], color=DARK, linestyle=style)
-                for _, style in zip(kinds, _LINES, strict=False)
-            ]
-            words = [panel.kinds[group] for group in kinds]
             axis.legend(
-                handles, words, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2,
-                fontsize=_SMALL, handlelength=2.2, columnspacing=1.0,
+                [Line2D([], [], color=DARK, linestyle=style) for style in _LINES], list(kinds),
+                loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2, fontsize=_SMALL,
+                handlelength=2.2, columnspacing=1.0,
             )  # fmt: skip
 
 
@@ -287,33 +270,29 @@ def _limit(result: RowResult) -> float:
 
 @dataclass(frozen=True)
 class _Reached:
-    """Speeds of robots at one commanded speed.
+    """Speeds of robots at one commanded speed; backward and to the right are negative. In m/s.
 
     Attributes:
-        marker: Marker of the points.
-        commanded: Commanded speed. In m/s.
-        achieved: Speed of each robot that did not fall. In m/s.
+        row: The row, whose group decides the marker.
+        commanded: Commanded speed.
+        achieved: Speed of each robot that did not fall.
         fell: Number of robots that fell.
-        tolerance: Tolerance of the speed; None without a target. In m/s.
     """
 
-    marker: str
+    row: StoredRow
     commanded: float
     achieved: Sequence[float]
     fell: int
-    tolerance: float | None
 
 
 def _reached(rows: Sequence[StoredRow], variant: str) -> Iterator[_Reached]:
-    """Results at each commanded speed; backward and to the right are negative."""
+    """Results at each commanded speed."""
     for row in rows:
         result = row.results.get(variant)
         sign = -1.0 if row.name == "top_speed.backward" else 1.0
-        tolerance = None if row.group == "top_speed" else row.target
         for level in result.levels if result else ():
             speeds = [sign * speed for speed in level.achieved or ()]
-            commanded = sign * level.level
-            yield _Reached(_SPEEDS[row.group], commanded, speeds, level.fell, tolerance)
+            yield _Reached(row, sign * level.level, speeds, level.fell)
 
 
 def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[str, str]) -> None:
@@ -333,7 +312,7 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
     below.set_yticks([-30, -10, -3, -1, 0, 1, 3, 10, 30])
     below.yaxis.set_major_formatter(FuncFormatter(_signed))
     below.minorticks_off()
-    tolerances = [_CM * p.tolerance for p in every if p.tolerance is not None]
+    tolerances = [_CM * p.row.target for p in every if p.row.group != "top_speed"]
     if tolerances:
         below.axhspan(-min(tolerances), min(tolerances), color=_SHADE, zorder=0)
     for axis in (above, below):
@@ -369,7 +348,7 @@ def _draw_spread(
     if values:
         axis.plot([place, place], [min(values), max(values)], color=colour, lw=2.2, alpha=0.5)
         mean = sum(values) / len(values)
-        axis.plot(place, mean, point.marker, color=colour, markersize=3.5)
+        axis.plot(place, mean, _SPEEDS[point.row.group], color=colour, markersize=3.5)
 
 
 def _draw_grounds(
