@@ -200,7 +200,8 @@ class DaskCluster:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise RunError(f"the Dask cluster at {self._address}: {reason}") from None
         finally:
-            _cancel(futures)
+            for pending in futures:
+                pending.cancel()
 
     def close(self) -> None:
         """Leave the cluster, which continues to run."""
@@ -283,8 +284,3 @@ def _begin() -> None:
     """Start a worker, with a lower priority than other processes of the machine."""
     obey_parent()
     os.nice(_NICENESS)
-
-
-def _cancel(futures: Iterable[Any]) -> None:
-    for future in futures:
-        future.cancel()
