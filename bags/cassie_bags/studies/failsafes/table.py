@@ -20,14 +20,14 @@ from cassie_bags.run.seed import resolve
 from cassie_bags.studies.failsafes.participants import UnsafeError
 from cassie_bags.studies.failsafes.rows import ROWS, SPEEDS, FailSafe
 from cassie_bags.studies.results import markdown
+from cassie_bags.studies.sweep.course import Budget
+from cassie_bags.studies.sweep.motions import Ride
 from cassie_bags.studies.workers import workers
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.tunables import unknown_name
 
 BEGIN, END = "<!-- fail-safes: begin -->", "<!-- fail-safes: end -->"
 """Lines of a README before and after the table."""
-
-_LET_GO = 10.0  # s, time at which the operator lets go of the Segway
 
 
 @dataclass(frozen=True)
@@ -85,20 +85,9 @@ def _experiment(case: Case, begins: float, sections: dict[str, Any]) -> Experime
         "operator": [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}],
     }
     if case.state == "ride":
-        content |= {
-            "scene": "segway",
-            "scene_parameters": {"let_go": _LET_GO},
-            "start": "gantry",
-            "gantry": [
-                {"t": 0.02, "hold": 1.35, "speed": 1.0},
-                {"t": 1.0, "height": 0.785, "speed": 0.3},
-            ],
-            "operator": [
-                {"t": 0.0, "power": True, "mode": "stand", "height": 0.65},
-                {"t": 5.0, "mode": "segway"},
-            ],
-            "rider": {"targets": [{"t": 11.0, "speed": 0.0, "heading": 0.0}]},
-        }
+        window = 0.0, content["duration"]
+        ride = Ride(surface="floor").trial(Budget(), 0, window, (), rider={"targets": []})
+        content |= ride.content
     elif SPEEDS[case.state] is not None:
         content["operator"] += [{"t": 1.5, "mode": "walk"}, {"t": 3.0, "vx": SPEEDS[case.state]}]
     return resolve(read_experiment({**content, **sections}))
