@@ -26,6 +26,8 @@ from cassie_gaits.processes import DIED, available_cores, obey_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Function = Callable[[Item], Result]
+Indexed = Iterator[tuple[int, Result]]
 
 CONNECT_TIMEOUT = 10
 """Time-out of a scheduler's answer. In s of wall time."""
@@ -38,9 +40,7 @@ class Workers(Protocol):
 
     count: int
 
-    def results(
-        self, function: Callable[[Item], Result], items: Sequence[Item]
-    ) -> Iterator[tuple[int, Result]]:
+    def results(self, function: Function[Item, Result], items: Sequence[Item]) -> Indexed[Result]:
         """Yield index and result of each item on completion; items not asked for are not begun."""
         ...
 
@@ -54,9 +54,7 @@ class ThisProcess:
 
     count = 1
 
-    def results(
-        self, function: Callable[[Item], Result], items: Sequence[Item]
-    ) -> Iterator[tuple[int, Result]]:
+    def results(self, function: Function[Item, Result], items: Sequence[Item]) -> Indexed[Result]:
         """See `Workers.results`."""
         for index, item in enumerate(items):
             yield index, function(item)
@@ -77,9 +75,7 @@ class CachedWorkers:
         self._pool = pool
         self._known: dict[str, Any] = {}
 
-    def results(
-        self, function: Callable[[Item], Result], items: Sequence[Item]
-    ) -> Iterator[tuple[int, Result]]:
+    def results(self, function: Function[Item, Result], items: Sequence[Item]) -> Indexed[Result]:
         """See `Workers.results`; items with the same `repr` are the same."""
         keys = [repr(item) for item in items]
         known = {index: self._known[key] for index, key in enumerate(keys) if key in self._known}
@@ -107,9 +103,7 @@ class LocalProcesses:
         self._starting = threading.Lock()
         self._given: set[Future[Any]] = set()
 
-    def results(
-        self, function: Callable[[Item], Result], items: Sequence[Item]
-    ) -> Iterator[tuple[int, Result]]:
+    def results(self, function: Function[Item, Result], items: Sequence[Item]) -> Indexed[Result]:
         """See `Workers.results`.
 
         The pool gets no more items than its processes can run at once, and no callbacks: a pool
@@ -132,7 +126,7 @@ class LocalProcesses:
                 raise RunError(DIED) from None
             yield index, result
 
-    def _submit(self, function: Callable[[Item], Result], item: Item) -> Future[Result]:
+    def _submit(self, function: Function[Item, Result], item: Item) -> Future[Result]:
         # `close` does not see a half-started process, and such a process cannot handle Ctrl-C yet.
         with self._starting, ctrl_c_at_the_end(), children_without_ctrl_c():
             future = self._pool.submit(function, item)
@@ -179,9 +173,7 @@ class DaskCluster:
         self._address = address
         self.count = max(1, sum(self._client.nthreads().values()))
 
-    def results(
-        self, function: Callable[[Item], Result], items: Sequence[Item]
-    ) -> Iterator[tuple[int, Result]]:
+    def results(self, function: Function[Item, Result], items: Sequence[Item]) -> Indexed[Result]:
         """See `Workers.results`.
 
         Raises:
@@ -224,7 +216,7 @@ def workers(jobs: int | None, scheduler: str | None) -> Workers:
 
 
 def all_results(
-    pool: Workers, function: Callable[[Item], Result], items: Sequence[Item], bar: tqdm
+    pool: Workers, function: Function[Item, Result], items: Sequence[Item], bar: tqdm
 ) -> list[Result]:
     """Results in the order of the items.
 
