@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from cassie_bags.bag.continuity import episodes
 from cassie_bags.bag.recording import Recording
@@ -21,6 +22,8 @@ from cassie_msgs.experiment.expectation import Phase
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import ControllerStatus, Sensors
+
+TimedT = TypeVar("TimedT", Event, Interval)
 
 
 @dataclass(frozen=True)
@@ -78,10 +81,9 @@ def view_of(
         notes.append(
             f"Episode {shown} is shown, number {numbers.index(shown) + 1} of {len(numbers)}."
         )
-    end = float(track.time[-1])
     scenario = Scenario() if experiment is None else experiment.scenario
     modes = list(intervals_of_mode(track.time, track.mode))
-    events = [*events_of(scenario, end)]
+    events = [*events_of(scenario, float(track.time[-1]))]
     begins = [each.t0 for each in summary.episodes if each.name == str(shown)] if summary else []
     if summary is not None and modes and not summary.has_status:
         notes.append(
@@ -91,23 +93,19 @@ def view_of(
     if summary is not None and begins:
         # Times of a bag continue over episodes; times of a track begin at 0 in each episode.
         begun = begins[0] - float(track.time[0])
-        modes = [_with_reason(mode, _since(begun, summary.modes)) for mode in modes]
-        for kind, intervals in (("fault", summary.faults), ("node", summary.nodes)):
-            shifted = _since(begun, intervals)
-            events += [Event(kind, max(e.t0, 0.0), e.t1, e.name) for e in shifted]
-    fell = fall_time(track)
-    if fell is not None:
+        reported = [_shifted(mode, -begun) for mode in summary.modes if mode.t1 >= begun]
+        modes = [_with_reason(mode, reported) for mode in modes]
+        since = [_shifted(e, -begun) for e in _reported_events(summary) if e.t1 >= begun]
+        events += [dataclasses.replace(event, t0=max(event.t0, 0.0)) for event in since]
+    if (fell := fall_time(track)) is not None:
         events.append(Event("fall", fell, fell, "fall"))
     status = recording.rows(ControllerStatus)
-    if experiment is not None:
-        phases = phases_of(experiment)
-    else:
-        phases = [Phase(mode.name, mode.t0, mode.t1) for mode in modes if mode.t1 > mode.t0]
+    phases = [Phase(mode.name, mode.t0, mode.t1) for mode in modes if mode.t1 > mode.t0]
     return View(
         title=title,
         track=track,
         status=status[status["episode"] == track.sensors["episode"][0]],
-        phases=phases,
+        phases=phases if experiment is None else phases_of(experiment),
         modes=modes,
         events=sorted(events, key=lambda event: event.t0),
         scenario=scenario,
@@ -139,8 +137,7 @@ def events_of_bag(summary: Summary) -> list[Event]:
     scenario = Scenario() if experiment is None else experiment.scenario
     fallen = falls(summary.recording) or {}
     sensors = summary.recording.rows(Sensors)
-    events = [Event("fault", fault.t0, fault.t1, fault.name) for fault in summary.faults]
-    events += [Event("node", node.t0, node.t1, node.name) for node in summary.nodes]
+    events = _reported_events(summary)
     for episode in summary.episodes:
         number = int(episode.name)
         time = stamps(sensors[sensors["episode"] == number])
@@ -150,7 +147,7 @@ def events_of_bag(summary: Summary) -> list[Event]:
         if number in fallen:
             own.append(Event("fall", fallen[number], fallen[number], "fall"))
         begun = episode.t0 - float(time[0])  # of the episode's own time
-        events += [dataclasses.replace(e, t0=e.t0 + begun, t1=e.t1 + begun) for e in own]
+        events += [_shifted(event, begun) for event in own]
     return sorted(events, key=lambda event: event.t0)
 
 
@@ -165,13 +162,15 @@ def recorded_experiment(recording: Recording) -> Experiment | None:
         return None
 
 
-def _since(begun: float, intervals: Sequence[Interval]) -> list[Interval]:
-    """Intervals that end after the time `begun`, with their times counted from it. In s."""
-    return [
-        dataclasses.replace(one, t0=one.t0 - begun, t1=one.t1 - begun)
-        for one in intervals
-        if one.t1 >= begun
-    ]
+def _reported_events(summary: Summary) -> list[Event]:
+    """Faults and events of nodes, in the bag's robot time."""
+    kinds = {"fault": summary.faults, "node": summary.nodes}
+    return [Event(kind, e.t0, e.t1, e.name) for kind, found in kinds.items() for e in found]
+
+
+def _shifted(one: TimedT, by: float) -> TimedT:
+    """An event or interval that begins and ends later by a time. In s."""
+    return dataclasses.replace(one, t0=one.t0 + by, t1=one.t1 + by)
 
 
 def _with_reason(mode: Interval, reported: Sequence[Interval]) -> Interval:
