@@ -6,6 +6,7 @@ import base64
 from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import jinja2
@@ -40,6 +41,14 @@ _TRACKED = (
     {"name": "yaw_rate", "label": "yaw rate"},
     {"name": "height", "label": "height"},
 )
+_EMPTY: dict[str, Any] = {
+    **dict.fromkeys(("seed", "passed", "fell", "fall_time", "duration")),
+    **dict.fromkeys(("bag", "about"), ""),
+    **dict.fromkeys(("failures", "phases", "checks", "modes", "events", "notes"), ()),
+    **dict.fromkeys(("metrics", "draw", "versions", "files"), MappingProxyType({})),
+}
+"""Content of the template where an entry has none."""
+
 _NO_DITHER = Image.Dither.NONE
 _NEARLY_WHITE = 247  # larger values become white: the fewer colours may change a white ground
 _COLOURS = 256  # number of colours of a picture of lines and text
@@ -116,11 +125,7 @@ def _view_content(view: View | None) -> dict[str, Any]:
     }
 
 
-def page(
-    title: str,
-    entries: Sequence[Entry],
-    versions: Mapping[str, str],
-) -> str:
+def page(title: str, entries: Sequence[Entry], versions: Mapping[str, str]) -> str:
     """The page as HTML.
 
     Args:
@@ -128,9 +133,10 @@ def page(
         entries: Contents of the runs. Up to `MAX_SIDE_BY_SIDE` with pictures stand side by side.
         versions: Versions with which the page is made.
     """
-    loader = jinja2.PackageLoader("cassie_bags", "report")
     environment = jinja2.Environment(
-        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined
+        loader=jinja2.PackageLoader("cassie_bags", "report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
     )
     runs = [_prepared(entry) for entry in entries]
     metrics = [run["metrics"] for run in runs]
@@ -154,25 +160,15 @@ def page(
 
 def _prepared(entry: Entry) -> dict[str, Any]:
     """A run's content with all that the template reads."""
-    seed = entry.get("seed")
-    bag = entry.get("bag", "")
-    title = heading(entry["name"], seed, bag)
-    files = entry.get("files", {})
-    problems = {check["problem"] for check in entry.get("checks", [])}
-    failures = entry.get("failures", [])
-    absent = {"passed": None, "fell": None, "fall_time": None, "duration": None, "about": ""}
-    empty = dict.fromkeys(("phases", "checks", "modes", "events", "notes"), ())
+    entry = {**_EMPTY, **entry}
+    title = heading(entry["name"], entry["seed"], entry["bag"])
+    files = entry["files"]
+    problems = {check["problem"] for check in entry["checks"]}
     return {
-        **absent,
-        **empty,
-        **{name: {} for name in ("metrics", "draw", "versions")},
         **entry,
-        "seed": seed,
-        "bag": bag,
         "heading": title,
         "anchor": title.replace(" ", "-"),
-        "failures": failures,
-        "other_failures": [failure for failure in failures if failure not in problems],
+        "other_failures": [words for words in entry["failures"] if words not in problems],
         # Only the files that the content names: others in the folder may be of an earlier run.
         "pictures": {n: _picture(Path(files[n]), n) if n in files else "" for n in CAPTIONS},
         "video": _data("video/mp4", Path(files["video"]).read_bytes()) if "video" in files else "",
