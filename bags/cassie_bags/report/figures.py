@@ -80,11 +80,7 @@ def drawing(path: Path, width: float, height: float) -> Iterator[Figure]:
 
 
 def draw_all(view: View, folder: Path) -> dict[str, Path]:
-    """Draw every picture into a folder.
-
-    Args:
-        view: View of the run.
-        folder: Target folder; it is made if it does not exist.
+    """Draw every picture into a folder, which is made if it does not exist.
 
     Returns:
         The files by name; a picture is left out if the run has no data for it.

@@ -94,19 +94,14 @@ def moments(track: Track, phases: Sequence[Phase], count: int = STRIP_LENGTH) ->
 
 
 def strip(view: View, path: Path) -> str | None:
-    """Draw a strip of images.
-
-    Args:
-        view: View of the run; its phases decide the moments.
-        path: PNG file.
+    """Draw a strip of images, at moments of each phase, into a PNG file.
 
     Returns:
         Reason for stick figures instead of the robot, or None if the strip shows the robot.
     """
     track, phases = view.track, view.phases
     shown = moments(track, phases)
-    reason = None
-    images: list[npt.NDArray[np.uint8]] | None = None
+    images, reason = None, None
     try:
         images = _images(track, view.scenario, shown)
     except SimulationError as error:
@@ -115,12 +110,13 @@ def strip(view: View, path: Path) -> str | None:
         panels = figure.subplots(1, len(shown), squeeze=False)[0]
         for position, (axes, index) in enumerate(zip(panels, shown, strict=True)):
             if images is None:
-                draw_stick_figure(axes, track, index)
+                _draw_stick_figure(axes, track, index)
             else:
                 axes.imshow(images[position][_SKY:])
             axes.set_axis_off()
-            name = shortened(_phase_at(phases, float(track.time[index])))
-            axes.set_title(f"{name}\n{track.time[index]:.1f} s", fontsize=7, loc="center")
+            time = float(track.time[index])
+            name = next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
+            axes.set_title(f"{shortened(name)}\n{time:.1f} s", fontsize=7, loc="center")
         figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
     return reason
 
@@ -145,14 +141,8 @@ def film_of(view: View, path: Path) -> Film:
     return film
 
 
-def draw_stick_figure(axes: Axes, track: Track, index: int) -> None:
-    """Draw the robot from its left as lines: pelvis, thighs, shins, tarsi, feet, ground.
-
-    Args:
-        axes: Axes to draw into.
-        track: Signals of the run.
-        index: Index of the sample.
-    """
+def _draw_stick_figure(axes: Axes, track: Track, index: int) -> None:
+    """Draw a sample from the robot's left as lines: pelvis, thighs, shins, tarsi, feet, ground."""
     yaw = track.angles[index, 0]
     ahead = np.array([math.cos(yaw), math.sin(yaw), 0.0])
     origin = track.position[index]
@@ -166,13 +156,7 @@ def draw_stick_figure(axes: Axes, track: Track, index: int) -> None:
     up = np.array([math.sin(pitch), math.cos(pitch)])
     axes.plot([0.0, 0.18 * up[0]], [origin[2], origin[2] + 0.18 * up[1]], color=DARK, linewidth=6)
     axes.axhline(track.sole_height[index].min(), color=GREY, linewidth=0.8)
-    axes.set_xlim(-0.45, 0.45)
-    axes.set_ylim(-0.1, 1.45)
-    axes.set_aspect("equal")
-
-
-def _phase_at(phases: Sequence[Phase], time: float) -> str:
-    return next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
+    axes.set(xlim=(-0.45, 0.45), ylim=(-0.1, 1.45), aspect="equal")
 
 
 def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.NDArray[np.uint8]]:
@@ -185,10 +169,7 @@ def _images(track: Track, scenario: Scenario, shown: Sequence[int]) -> list[npt.
 
 
 class PosedModel:
-    """The robot in its scene, set to the poses of a recording.
-
-    Args:
-        scenario: Scenario of the recording.
+    """The robot in the scene of a scenario, set to the poses of a recording.
 
     Raises:
         SimulationError: if the scene cannot be built.
@@ -201,14 +182,9 @@ class PosedModel:
         self._data = mujoco.MjData(self.model)
 
     def pose(self, track: Track, index: int) -> FloatArray:
-        """Frame of one sample: springs as measured, rods that close the loops, ground moved.
+        """Frame (`cassie_sim.camera.frame_of`) of one sample of a track.
 
-        Args:
-            track: Signals of the run.
-            index: Index of the sample.
-
-        Returns:
-            As `cassie_sim.camera.frame_of` returns it.
+        Springs are as measured, rods close the loops, and the ground is moved.
         """
         data, row = self._data, track.sensors[index]
         with contextlib.suppress(SimulationError):  # a fallen robot may leave its joint limits

@@ -25,15 +25,8 @@ def draw(verification: Verification, path: Path) -> None:
     """Draw the torque of each drive, and the estimated pose where it differs.
 
     The torque is that of the command at the recorded positions and velocities.
-
-    Args:
-        verification: Result of the replay.
-        path: Picture to write.
     """
-    states, commands = (
-        verification.replayed[RobotState.TOPIC],
-        verification.replayed[MotorCommand.TOPIC],
-    )
+    states, commands = (verification.replayed[kind.TOPIC] for kind in (RobotState, MotorCommand))
     panels: list[tuple[str, FloatArray, FloatArray, FloatArray]] = []
     if commands.different_count() or not states.different_count():
         at, torques = _torques(states.recorded, commands)
@@ -45,7 +38,8 @@ def draw(verification: Verification, path: Path) -> None:
         at, one, other = stamps(states.recorded), states.recorded["q"], states.computed["q"]
         panels += [(name, at, one[:, i], other[:, i]) for i, name in enumerate(_POSE)]
     with drawing(path, 11.0, 0.6 + 1.25 * len(panels)) as figure:
-        _draw_panels(figure, panels, _start(verification))
+        times = [difference.time for difference in verification.differences]
+        _draw_panels(figure, panels, max(0.0, min(times, default=0.0) - _BEFORE))
 
 
 def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[FloatArray]]:
@@ -62,15 +56,10 @@ def _torques(states: Rows, commands: Replayed) -> tuple[FloatArray, Sequence[Flo
     return stamps(commands.recorded[known]), torques
 
 
-def _start(verification: Verification) -> float:
-    """Start of the enlarged part. In s."""
-    times = [difference.time for difference in verification.differences]
-    return max(0.0, min(times, default=0.0) - _BEFORE)
-
-
 def _draw_panels(
     figure: Figure, panels: Sequence[tuple[str, FloatArray, FloatArray, FloatArray]], t0: float
 ) -> None:
+    """Draw both values over the enlarged part from `t0` (s) on, and their difference."""
     axes = figure.subplots(len(panels), 2, sharex="col", squeeze=False)
     for (large, whole), (label, time, one, other) in zip(axes, panels, strict=True):
         part = (time >= t0) & (time <= t0 + WINDOW)

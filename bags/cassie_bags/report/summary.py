@@ -11,12 +11,7 @@ from cassie_bags.report.plain import WIDTH, aligned, finite
 
 
 def summary_text(summary: Summary, falls: Mapping[int, float] | None) -> str:
-    """Summary of a bag in some lines.
-
-    Args:
-        summary: Summary of the bag.
-        falls: Time of each fall (s) by episode; None if unknown.
-    """
+    """Summary of a bag in some lines; `falls` is the time of each fall (s) by episode, if known."""
     return "\n".join(_lines(summary, falls))
 
 

@@ -166,12 +166,7 @@ class FaultOutcome:
 
 
 class PreparedRun:
-    """A run up to the time at which a sensor fails.
-
-    Args:
-        mode: One of `MODES`.
-        seed: Seed of the robot.
-    """
+    """A run in one of `MODES`, with a robot by its seed, up to the time at which a sensor fails."""
 
     def __init__(self, mode: str, seed: int) -> None:
         cores = make_cores(experiment_of(mode, seed))

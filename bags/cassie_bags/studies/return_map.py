@@ -147,11 +147,7 @@ def experiment_of(speed: float, seed: int, library: Path | None, uncertified: bo
 
 
 class Walk:
-    """A run up to a left foot's touchdown in steady walking.
-
-    Args:
-        experiment: Experiment from `experiment_of`.
-        speed: Commanded speed. In m/s.
+    """A run of `experiment_of` up to a left foot's touchdown in steady walking at a speed (m/s).
 
     Raises:
         RunError: if the robot does not walk to this touchdown, or not at this speed.
@@ -285,9 +281,7 @@ def measure(
 def in_line(time: FloatArray, nominal: FloatArray) -> bool:
     """Whether every step took between 0.5 and 1.5 times as long as without a push.
 
-    Args:
-        time: Times of the touchdowns. Shape (n,), in s.
-        nominal: Times of the touchdowns without a push. Shape (n,), in s.
+    The times of touchdowns, with a push and without, have the shape (n,). In s.
     """
     ratio = np.diff(time, prepend=0.0) / np.diff(nominal, prepend=0.0)
     return bool((ratio > 0.5).all() and (ratio < 1.5).all())

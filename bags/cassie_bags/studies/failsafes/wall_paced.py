@@ -186,11 +186,7 @@ class WallPaced:
         self.modes.append((self.now, copy))
 
     def run(self, duration: float, *, upright: bool = True) -> None:
-        """Run for a while.
-
-        Args:
-            duration: Robot time. In s.
-            upright: Whether the robot must not fall.
+        """Run for some robot time (s); `upright`: whether the robot must not fall.
 
         Raises:
             UnsafeError: if the robot falls although it must not.
@@ -221,7 +217,7 @@ class WallPaced:
             self.run(self.period, upright=upright)
 
     def hold(self, condition: Callable[[], bool], duration: float, what: str) -> None:
-        """Run for a while, in which a condition has to hold at every tick.
+        """Run for some robot time (s), in which a condition has to hold at every tick.
 
         Args:
             condition: The condition.

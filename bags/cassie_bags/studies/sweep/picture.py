@@ -101,12 +101,7 @@ _SPEEDS = {"speed": "o", "top_speed": "o", "sideways": "s"}
 
 
 def draw(path: Path, rows: Sequence[StoredRow]) -> None:
-    """Draw stored results; without any, an old picture is removed.
-
-    Args:
-        path: PNG file.
-        rows: Stored rows.
-    """
+    """Draw stored results into a PNG file; without any, an old picture is removed."""
     with matplotlib.rc_context(STYLE):
         figure = compose(rows)
         if figure is None:
