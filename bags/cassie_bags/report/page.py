@@ -119,9 +119,9 @@ def _view_content(view: View | None) -> dict[str, Any]:
     if view is None:
         return {}
     return {
-        "modes": [vars(mode) for mode in view.modes],
-        "events": [vars(event) for event in view.events],
-        "notes": list(view.notes),
+        "modes": view.modes,
+        "events": view.events,
+        "notes": view.notes,
     }
 
 

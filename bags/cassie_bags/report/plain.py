@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -11,9 +12,14 @@ WIDTH = 80
 
 
 def finite(content: Any) -> Any:
-    """Replace NaN and infinity, which JSON lacks, by None (null), also in mappings and lists."""
+    """Replace NaN and infinity, which JSON lacks, by None (null), also in parts of the content.
+
+    Dataclasses become mappings.
+    """
     if isinstance(content, float):
         return content if math.isfinite(content) else None
+    if dataclasses.is_dataclass(content):
+        content = vars(content)
     if isinstance(content, Mapping):
         return {key: finite(value) for key, value in content.items()}
     if isinstance(content, (list, tuple)):

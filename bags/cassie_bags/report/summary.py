@@ -9,6 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from cassie_bags.bag.summary import STATUS_TOPIC, Interval, Summary
 from cassie_bags.report.plain import WIDTH, aligned, finite
 
+_AS_IN_SUMMARY = (
+    *("lost_bytes", "duration", "wall_time", "topics", "gaps", "strays"),
+    *("episodes", "modes", "faults", "nodes", "problems"),
+)
+
 
 def summary_text(summary: Summary, falls: Mapping[int, float] | None) -> str:
     """Summary of a bag in some lines; `falls` is the time of each fall (s) by episode, if known."""
@@ -21,19 +26,9 @@ def summary_json(summary: Summary, falls: Mapping[int, float] | None) -> str:
         "files": [str(file) for file in summary.files],
         "size": summary.size,
         "whole": summary.complete,
-        "lost_bytes": summary.lost_bytes,
-        "duration": summary.duration,
-        "wall_time": summary.wall_time,
-        "topics": [vars(topic) for topic in summary.topics],
-        "gaps": list(summary.gaps),
-        "strays": list(summary.strays),
-        "episodes": [vars(episode) for episode in summary.episodes],
-        "modes": [vars(mode) for mode in summary.modes],
-        "faults": [vars(fault) for fault in summary.faults],
-        "nodes": [vars(node) for node in summary.nodes],
-        "problems": list(summary.problems),
+        **{name: getattr(summary, name) for name in _AS_IN_SUMMARY},
         "falls": None if falls is None else [{"episode": e, "t": t} for e, t in falls.items()],
-        "metadata": {name: dict(record) for name, record in summary.metadata.items()},
+        "metadata": summary.metadata,
     }
     return json.dumps(finite(content), allow_nan=False)
 

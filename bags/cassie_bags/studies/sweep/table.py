@@ -120,8 +120,8 @@ def save(path: Path, rows: Sequence[Row], results: Results, budget: Budget) -> N
         own = {name: found[row.name] for name, found in results.items() if row.name in found}
         if own:
             fields = row.name, row.title, row.unit, row.target
-            stored.append(asdict(StoredRow(*fields, own, at_least=row.at_least)))
-    content = {"versions": versions(), "budget": asdict(budget), "rows": stored}
+            stored.append(StoredRow(*fields, own, at_least=row.at_least))
+    content = {"versions": versions(), "budget": budget, "rows": stored}
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(finite(content), indent=1, allow_nan=False), encoding="utf-8")
 
