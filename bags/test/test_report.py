@@ -20,11 +20,11 @@ from cassie_bags.cli.frame import labels
 from cassie_bags.report.figures import estimate
 from cassie_bags.report.page import CAPTIONS, drive_entry, page
 from cassie_bags.report.view import view_of
-from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.events import events_of
 from cassie_bags.signals.leg_geometry import euler_angles, quaternions
 from cassie_bags.signals.metrics import UNITS, measure
 from cassie_bags.signals.track import make_track
+from cassie_bags.signals.window import estimation_error
 from cassie_msgs.experiment.expectation import PHASE_METRICS, RUN_METRICS
 from cassie_msgs.experiment.scenario import Scenario
 from cassie_msgs.layout import RobotState

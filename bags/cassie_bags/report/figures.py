@@ -17,10 +17,10 @@ from cassie_bags.bag.fields import OUTPUTS
 from cassie_bags.bag.rows import BoolArray, FloatArray, stamps
 from cassie_bags.bag.summary import Interval
 from cassie_bags.report.view import View
-from cassie_bags.signals.estimation import estimation_error
 from cassie_bags.signals.events import Event
 from cassie_bags.signals.footsteps import placements
 from cassie_bags.signals.track import AVERAGED_OVER, Track
+from cassie_bags.signals.window import estimation_error
 from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.names import DRIVES, LEG_DRIVES, LEGS
 from cassie_msgs.layout import RobotMode

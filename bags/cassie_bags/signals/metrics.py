@@ -89,7 +89,8 @@ def measure(
     status = recording.rows(ControllerStatus)
     run["steps"] = float(status["step_count"].max()) if len(status) else math.nan
     run["gate_miss"] = gate_miss(recording, rider)
-    run["real_time_factor"] = _ratio(run["duration"], recording.wall_time)
+    wall_time = recording.wall_time
+    run["real_time_factor"] = run["duration"] / wall_time if wall_time > 0.0 else math.nan
     last = track.sensors[-1]
     missed = float(last["missed_ticks"]) / (float(last["seq"]) + 1.0)
     run["missed_share"] = missed if last["wall_paced"] else math.nan
@@ -175,7 +176,3 @@ def _speed_peak(position: FloatArray, tick: float) -> float:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt((values**2).mean())) if len(values) else math.nan
-
-
-def _ratio(numerator: float, denominator: float) -> float:
-    return numerator / denominator if denominator > 0.0 else math.nan

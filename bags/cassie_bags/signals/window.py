@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -58,6 +59,32 @@ WINDOW_MEASURES = {
 
 _MIN_DISTANCE = 0.5  # m, least distance for a cost of transport
 _ENDS = 1.0  # s, over which positions are averaged at both ends of the window
+
+
+@dataclass(frozen=True)
+class EstimationError:
+    """Estimate minus truth at each tick.
+
+    Attributes:
+        velocity: Error of the pelvis velocity in the true heading frame. Shape (n, 3), in m/s.
+        tilt: Error of roll and pitch. Shape (n, 2), in rad.
+        position: Error of the horizontal displacement since the first tick, world axes. Shape
+            (n, 2), in m.
+    """
+
+    velocity: FloatArray
+    tilt: FloatArray
+    position: FloatArray
+
+
+def estimation_error(track: Track) -> EstimationError:
+    """Errors of the estimated states of a track."""
+    q, place = track.state["q"], track.position[:, :2]
+    return EstimationError(
+        velocity=in_heading(track.state["v"][:, :3] - track.velocity, track.angles[:, 0]),
+        tilt=q[:, [5, 4]] - track.angles[:, [2, 1]],
+        position=(q[:, :2] - q[0, :2]) - (place - place[0]),
+    )
 
 
 def measure_window(track: Track, status: Rows, window: tuple[float, float]) -> dict[str, float]:
