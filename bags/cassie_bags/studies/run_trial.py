@@ -89,26 +89,25 @@ def _measures_of(trial: Trial) -> Measures:
         loop.tick()
         if tick % CHECK_TICKS == 0:
             fell = has_fallen(cores.plant)
-            if fell or _is_past(cores.plant, start, trial.ahead):
+            if fell or (trial.ahead is not None and abs(_ahead(cores.plant, start)) >= trial.ahead):
                 break
     fell = fell or has_fallen(cores.plant)
     recording = store.recording(0.0)
     track = make_track(recording)
-    measures = {
+    end = float(track.time[-1])
+    alarms = unbelieved_channels(recording.rows(RobotState), end - _FALLING * fell)
+    mass = float(cores.plant.model.body("pelvis").subtreemass[0])
+    return {
         "fell": float(fell),
-        "end": float(track.time[-1]),
+        "end": end,
         "ahead": _ahead(cores.plant, start),
         "end_speed": _end_speed(track),
         "standing": float(track.mode[-1] == RobotMode.STAND),
+        "false_alarms": 0.0 if experiment.scenario.faults else float(alarms),
+        **measure_window(track, recording.rows(ControllerStatus), trial.window),
+        **measure_effort(track, trial.window, mass),
+        **measure_ride(recording, experiment.rider, trial.window),
     }
-    states = recording.rows(RobotState)
-    healthy = not experiment.scenario.faults
-    until = float(track.time[-1]) - _FALLING * fell
-    measures["false_alarms"] = float(unbelieved_channels(states, until)) if healthy else 0.0
-    measures |= measure_window(track, recording.rows(ControllerStatus), trial.window)
-    mass = float(cores.plant.model.body("pelvis").subtreemass[0])
-    measures |= measure_effort(track, trial.window, mass)
-    return measures | measure_ride(recording, experiment.rider, trial.window)
 
 
 def unbelieved_channels(states: Rows, until: float) -> int:
@@ -138,10 +137,6 @@ def _heading_line(plant: Plant) -> FloatArray:
 def _ahead(plant: Plant, line: FloatArray) -> float:
     x, y, _ = plant.pelvis_pose[0]
     return float((x - line[0]) * line[2] + (y - line[1]) * line[3])
-
-
-def _is_past(plant: Plant, line: FloatArray, ahead: float | None) -> bool:
-    return ahead is not None and abs(_ahead(plant, line)) >= ahead
 
 
 def _end_speed(track: Track) -> float:
