@@ -53,10 +53,6 @@ class Budget:
     changes: tuple[str, ...] = ()
     first: int = 1
 
-    def each_seed(self) -> range:
-        """The seeds."""
-        return range(self.first, self.first + self.seeds)
-
     def each_phase(self, speed: float) -> list[tuple[float, int]]:
         """Delays that are spread over two steps at a speed (s), each with a seed."""
         stride = 2.0 * step_time(speed)

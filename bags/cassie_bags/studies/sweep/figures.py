@@ -20,11 +20,6 @@ def _rests(measures: Measures, _: float = 0.0) -> bool:
     return _stands(measures) and not measures["stepped"]
 
 
-def _everything_error(measures: Measures, _: float) -> float:
-    errors = [abs(abs(measures[name]) / value - 1.0) for name, value in _EVERYTHING.items()]
-    return 100.0 * max(errors)
-
-
 FIGURES: dict[str, Callable[[Measures, float], float]] = {
     "stands": _stands,
     "rests": _rests,
@@ -33,7 +28,9 @@ FIGURES: dict[str, Callable[[Measures, float], float]] = {
     "vx_error": lambda measures, level: abs(measures["vx"] - level),
     "vy_error": lambda measures, level: abs(measures["vy"] - level),
     "turn_rate": lambda measures, _: abs(measures["yaw_rate"]),
-    "everything_error": _everything_error,
+    "everything_error": lambda measures, _: (
+        100.0 * max(abs(abs(measures[name]) / value - 1.0) for name, value in _EVERYTHING.items())
+    ),
     "rmse_velocity": lambda measures, _: max(measures[f"rmse_{v}"] for v in ("vx", "vy", "vz")),
     "tracking_ratio": lambda measures, _: ratio_to_reference(measures),
     "ride_error": lambda measures, level: max(

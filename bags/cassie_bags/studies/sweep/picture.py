@@ -114,7 +114,12 @@ def compose(rows: Sequence[StoredRow]) -> Figure | None:
     """Picture of the results, without panels that have no results; None without any panel."""
     groups = {row.group for row in rows}
     around = [title for title, kinds in _AROUND.items() if groups & kinds.keys()]
-    speeds = [row for row in rows if row.group in _SPEEDS and _commands_speed(row)]
+    speeds = [
+        row
+        for row in rows
+        if row.group in _SPEEDS
+        and any(x.achieved is not None for result in row.results.values() for x in result.levels)
+    ]
     grounds = [
         (title, shown)
         for title, names in _GROUNDS.items()
@@ -144,11 +149,6 @@ def compose(rows: Sequence[StoredRow]) -> Figure | None:
             _draw_grounds(next(parts), grounds, colours)
     _origins(next(strips), rows)
     return figure
-
-
-def _commands_speed(row: StoredRow) -> bool:
-    levels = (level for result in row.results.values() for level in result.levels)
-    return any(level.achieved is not None for level in levels)
 
 
 def _legend(strip: SubFigure, colours: Mapping[str, str]) -> None:
@@ -372,7 +372,11 @@ def _draw_grounds(
                 limits.append(value)
                 middle = place + (index - 0.5 * (len(colours) - 1)) * height
                 axis.barh(middle, value - begin, 0.9 * height, left=begin, color=colour)
-                _name_limit(axis, middle, value, _words(result, value, falling))
+                axis.annotate(
+                    _words(result, value, falling), (value, middle), xytext=(4, 0),
+                    textcoords="offset points", va="center", fontsize=_SMALL,
+                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.2},
+                )  # fmt: skip
         axis.set_title(title, fontsize=9, pad=4)
         axis.set_yticks(range(len(rows)), [_GROUNDS[title][row.name] for row in rows])
         axis.set_ylim(len(rows) - 0.45, -0.55)
@@ -387,10 +391,3 @@ def _words(result: RowResult, value: float, falling: bool) -> str:
         return "none"
     beyond = ("≤ " if falling else "≥ ") if result.open_ended else ""
     return f"{beyond}{value:.3g}"
-
-
-def _name_limit(axis: Axes, place: float, value: float, words: str) -> None:
-    axis.annotate(
-        words, (value, place), xytext=(4, 0), textcoords="offset points", va="center",
-        fontsize=_SMALL, bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.2},
-    )  # fmt: skip

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.provenance import Origin
 from cassie_bags.studies.results import markdown, table_of, with_table
-from cassie_bags.studies.sweep.row import RowResult
 from cassie_bags.studies.sweep.table import StoredRow, reached
 
 SECTIONS = {"stand": "Standing", "segway": "Riding a Segway", "": "Walking"}
@@ -77,7 +76,9 @@ def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
     for row in rows:
         line = tables[section(row.name)].setdefault(row.title, _Line(row.bound))
         line.target = row.bound
-        line.cells |= {name: _cell(result) for name, result in row.results.items()}
+        for name, result in row.results.items():
+            words, met = " ".join(reached(result)).strip(), "yes" if result.met else "no"
+            line.cells[name] = _Cell(words, met, result.origin)
     cells = [cell for lines in tables.values() for x in lines.values() for cell in x.cells.values()]
     used = {cell.origin for cell in cells if cell.origin is not None}
     old = [known for known in runs.values() if known in used]
@@ -94,10 +95,6 @@ def merge(text: str, rows: Sequence[StoredRow], order: Sequence[str]) -> str:
 def section(name: str) -> str:
     """Heading of a row's section, by the row's name."""
     return next(heading for begin, heading in SECTIONS.items() if name.startswith(begin))
-
-
-def _cell(result: RowResult) -> _Cell:
-    return _Cell(" ".join(reached(result)).strip(), "yes" if result.met else "no", result.origin)
 
 
 def _read_runs(text: str) -> dict[str, Origin]:

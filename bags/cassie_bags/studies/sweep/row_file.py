@@ -185,7 +185,8 @@ class _Data:
     def trials(self, budget: Budget, level: float) -> list[Trial]:
         """Trials of a level: one for each robot, or at each phase of two steps."""
         if self.head.trials == "robots":
-            return [self.trial(budget, level, seed, seed - 1) for seed in budget.each_seed()]
+            seeds = range(budget.first, budget.first + budget.seeds)
+            return [self.trial(budget, level, seed, seed - 1) for seed in seeds]
         phases = budget.each_phase(self.moved(self.values(budget, level)).forward)
         return [
             self.trial(budget, level, seed, index, phase=delay)
