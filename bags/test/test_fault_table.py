@@ -82,7 +82,7 @@ def test_healthy_sensors_are_accepted(row: str, level: float, seed: int, duratio
 
 
 def test_the_hard_touchdowns_of_a_fast_walk_are_no_faults():
-    cores = make_cores(experiment_of(walk(Budget(), 2, (8.0, 13.0), vx=1.3)))
+    cores = make_cores(experiment_of(walk(2, (8.0, 13.0), vx=1.3)))
     loop = connect(cores, lambda *_: None)
     for _ in range(6500):
         loop.tick()

@@ -20,7 +20,7 @@ from cassie_bags.studies.learn_torques import (
     table,
 )
 from cassie_bags.studies.run_trial import experiment_of, run_trial
-from cassie_bags.studies.sweep.course import Budget, comparison, walk
+from cassie_bags.studies.sweep.course import comparison, walk
 from cassie_bags.studies.trial import ratio_to_reference
 from cassie_control.learning.torque_table import JOINTS, save_torques, zero_torques
 
@@ -80,9 +80,9 @@ def test_a_damaged_file_is_an_error_before_anything_runs(tmp_path):
     path.write_text(path.read_text()[:-40])
     words = (f"controller.learned_torques_file={path}",)
     with pytest.raises(ValueError, match=r"learned torques .*bad\.json: line 1 column"):
-        experiment_of(walk(Budget(changes=words), 1, (0.0, 1.0)))
+        experiment_of(walk(1, (0.0, 1.0), changes=words))
     with pytest.raises(ExperimentError, match="learned_torques_file is 3, expected a path"):
-        experiment_of(walk(Budget(changes=("controller.learned_torques_file=3",)), 1, (0.0, 1.0)))
+        experiment_of(walk(1, (0.0, 1.0), changes=("controller.learned_torques_file=3",)))
 
 
 @pytest.mark.parametrize(

@@ -106,7 +106,7 @@ STUCK = {"channel": "joint_position.0", "kind": "stuck", "t": 2.5, "duration": 1
 
 
 def test_channels_that_are_not_believed_are_counted_as_false_where_nothing_was_put_in():
-    trial = walk(Budget(seconds=1.0), 1, (2.0, 3.0))
+    trial = walk(1, (2.0, 3.0))
     trial = dataclasses.replace(trial, content={**trial.content, "duration": 3.0})
     assert run_trial(trial)["false_alarms"] == 0.0
     faulty = dataclasses.replace(trial, content={**trial.content, "faults": [STUCK]})
@@ -464,6 +464,6 @@ def test_the_paper_law_is_compared_with_gains_with_which_it_walks():
     """With the drives' gains of the other law it ran away where 0.25 m/s was asked for."""
     changes = spelled_out([PAPER_LAW])
     assert 'controller.walk.law="paper"' in changes
-    figures = run_trial(walk(Budget(seconds=15.0, changes=changes), 1, (15.0, 30.0), vx=0.25))
+    figures = run_trial(walk(1, (15.0, 30.0), vx=0.25, changes=changes))
     assert figures["fell"] == 0.0
     assert figures["vx"] == pytest.approx(0.25, abs=0.05)

@@ -26,7 +26,7 @@ from cassie_bags.run.provenance import versions
 from cassie_bags.run.yaml_file import consistent
 from cassie_bags.signals.window import TRACKING
 from cassie_bags.studies.run_trial import CHECK_TICKS, experiment_of, has_fallen, run_trial
-from cassie_bags.studies.sweep.course import Budget, comparison, steady, walk
+from cassie_bags.studies.sweep.course import comparison, steady, walk
 from cassie_bags.studies.trial import Measures
 from cassie_bags.studies.workers import Workers, all_results, workers
 from cassie_control.learning.torque_table import (
@@ -46,8 +46,7 @@ LEARNING = "controller.learned_torques=learn"
 HELD_OUT_FROM = 1001
 """First seed of the robots that are not used for learning."""
 
-COMPARED = 8.0
-"""Measured part of the runs of the comparison. In s."""
+_COMPARED = 8.0  # s, measured part of the runs of the comparison
 
 FILE = path_for_library(default_library_path()).name
 
@@ -86,8 +85,8 @@ def learn(
         changes: `key=value` words for the run.
     """
     speed, seed = robot
-    window = steady(Budget(), speed, seconds)
-    experiment = experiment_of(walk(Budget(changes=(*changes, LEARNING)), seed, window, vx=speed))
+    trial = walk(seed, steady(speed, seconds), vx=speed, changes=(*changes, LEARNING))
+    experiment = experiment_of(trial)
     cores = make_cores(experiment)
     learning = cores.controller.learning
     before = learned.torques[learned.speeds.tolist().index(speed)]
@@ -171,8 +170,7 @@ def table(comparisons: Sequence[Comparison]) -> str:
 
 def _begin(arguments: argparse.Namespace) -> LearnedTorques:
     """Torques from which learning begins; arguments that cannot be run are refused here."""
-    experiment = experiment_of(walk(Budget(changes=consistent(arguments.set)), 1, (0.0, 1.0)))
-    load_learned(experiment)
+    load_learned(experiment_of(walk(1, (0.0, 1.0), changes=consistent(arguments.set))))
     if arguments.begin is not None:
         return load_torques(arguments.begin)
     speeds = tuple(sorted(set(arguments.speeds or SPEEDS)))
@@ -219,7 +217,7 @@ def _compare(
     seeds = range(HELD_OUT_FROM, HELD_OUT_FROM + arguments.held_out)
     changes = (*arguments.set, f"controller.learned_torques_file={file.resolve()}")
     speeds = learned.speeds.tolist()
-    trials = [comparison(seed, speed, COMPARED, changes) for speed, seed in product(speeds, seeds)]
+    trials = [comparison(seed, speed, _COMPARED, changes) for speed, seed in product(speeds, seeds)]
     with progress_bar("run", len(trials)) as bar:
         results = iter(all_results(pool, run_trial, trials, bar))
     return [Comparison(speed, list(islice(results, len(seeds)))) for speed in speeds]

@@ -13,8 +13,7 @@ from typing import Any
 from cassie_bags.studies.trial import Trial
 from cassie_control.supervisor.config import SupervisorConfig
 
-WALK_AT = 2.0
-"""Time of the command to walk; walking begins about a second later. In s."""
+_WALK_AT = 2.0  # s, time of the command to walk; walking begins about a second later
 
 COMMAND_AT = 5.0
 """Time of the commanded speeds. In s."""
@@ -80,13 +79,13 @@ def reached_at(speed: float) -> float:
 
 
 def walk(
-    budget: Budget,
     seed: int,
     window: tuple[float, float],
     vx: float | None = None,
     vy: float | None = None,
     yaw_rate: float | None = None,
     *,
+    changes: tuple[str, ...] = (),
     then: Sequence[Mapping[str, Any]] = (),
     ahead: float | None = None,
     **sections: Any,
@@ -94,19 +93,18 @@ def walk(
     """Trial of walking as commanded from `COMMAND_AT` to the end of the window.
 
     Args:
-        budget: Extent of the runs.
         seed: Seed of the robot.
         window: Part to measure. In s.
         vx, vy, yaw_rate: Commanded speeds; without any, the robot steps in place. In m/s and rad/s.
+        changes, ahead: See `Trial`.
         then: Further steps of the operator.
-        ahead: See `Trial`.
         sections: Other sections of the experiment.
     """
     speeds = {"vx": vx, "vy": vy, "yaw_rate": yaw_rate}
     command = {name: speed for name, speed in speeds.items() if speed is not None}
     operator: list[dict[str, Any]] = [
         {"t": 0.0, "power": True, "mode": "stand", "height": _LIMITS.walk_height},
-        {"t": WALK_AT, "mode": "walk"},
+        {"t": _WALK_AT, "mode": "walk"},
     ]
     if command:
         operator.append({"t": COMMAND_AT, **command})
@@ -118,7 +116,7 @@ def walk(
         "supervisor": opened_limits(command),
         **sections,
     }
-    return Trial(content, seed, window, ahead, budget.changes)
+    return Trial(content, seed, window, ahead, changes)
 
 
 def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]) -> Trial:
@@ -130,9 +128,8 @@ def comparison(seed: int, speed: float, seconds: float, changes: tuple[str, ...]
         seconds: Measured time. In s.
         changes: `key=value` words for both runs.
     """
-    window = steady(Budget(), speed, seconds)
-    learned = {"learned_torques": "use"}
-    trial = walk(Budget(changes=changes), seed, window, vx=speed, controller=learned)
+    window, learned = steady(speed, seconds), {"learned_torques": "use"}
+    trial = walk(seed, window, vx=speed, changes=changes, controller=learned)
     return dataclasses.replace(trial, reference=(_WITHOUT_LEARNED,))
 
 
@@ -148,16 +145,10 @@ def opened_limits(command: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in needed.items() if value > getattr(_LIMITS, name)}
 
 
-def steady(budget: Budget, speed: float, seconds: float | None = None) -> tuple[float, float]:
-    """The window in which a commanded speed is measured. In s.
-
-    Args:
-        budget: Extent of the runs.
-        speed: Commanded speed. In m/s.
-        seconds: Length of the window; None for that of the budget. In s.
-    """
+def steady(speed: float, seconds: float) -> tuple[float, float]:
+    """The window in which a commanded speed (m/s) is measured for a time. In s."""
     start = reached_at(speed) + SETTLING
-    return start, start + (budget.seconds if seconds is None else seconds)
+    return start, start + seconds
 
 
 def push(

@@ -137,7 +137,7 @@ def _measure(
             changes=(*budget.changes, *spelled_out([arguments.compare])),
         )
     for of_variant in variants.values():
-        experiment_of(walk(of_variant, 1, (0.0, 1.0)))
+        experiment_of(walk(1, (0.0, 1.0), changes=of_variant.changes))
     file, order = arguments.out / "sweeps.json", [row.title for row in every]
     results: dict[str, dict[str, RowResult]] = {name: {} for name in variants}
     if arguments.resume:

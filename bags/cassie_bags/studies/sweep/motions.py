@@ -19,17 +19,10 @@ from cassie_bags.studies.sweep.random_commands import (
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_msgs.tunables import ParameterError, tunable
 
-LEVEL_PART = 1.0
-"""Length of the level part before an obstacle. In m."""
-
-TIME_FACTOR = 2.0
-"""Ratio of the longest time for a distance to that at the commanded speed; also its inverse."""
-
-SETTLED = 5.0
-"""Time at which a robot that was let down stands quietly. In s."""
-
-LET_GO = 10.0
-"""Time at which the operator lets go of the Segway; the rider begins a second later. In s."""
+_LEVEL_PART = 1.0  # m, length of the level part before an obstacle
+_TIME_FACTOR = 2.0  # longest time for a distance by that at the commanded speed; also its inverse
+_SETTLED = 5.0  # s, time at which a robot that was let down stands quietly
+_LET_GO = 10.0  # s, when the operator lets go of the Segway; the rider begins a second later
 
 GO = 16.0
 """Time at which a ride begins; before, the rider finds at rest how the robot stands. In s."""
@@ -94,14 +87,14 @@ class Walk(Motion):
         return max(abs(self.forward), abs(self.vy or 0.0), 0.5 * abs(self.yaw_rate or 0.0))
 
     def window(self, budget: Budget) -> Window:
-        return steady(budget, self.fastest, self.seconds)
+        return steady(self.fastest, budget.seconds if self.seconds is None else self.seconds)
 
     def commands(self, seed: int, end: float) -> Steps:
         return radio_commands(seed, COMMAND_AT, end) if self.random else ()
 
     def trial(self, budget: Budget, seed: int, window: Window, then: Steps, **more: Any) -> Trial:
         command = self.vx, self.vy, self.yaw_rate
-        return walk(budget, seed, window, *command, then=then, **more)
+        return walk(seed, window, *command, changes=budget.changes, then=then, **more)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,17 +111,18 @@ class Cross(Motion):
     @property
     def ahead(self) -> float:
         """Distance from the start. In m."""
-        return LEVEL_PART + self.distance
+        return _LEVEL_PART + self.distance
 
     def window(self, budget: Budget) -> Window:
-        return COMMAND_AT, COMMAND_AT + TIME_FACTOR * self.ahead / self.vx
+        return COMMAND_AT, COMMAND_AT + _TIME_FACTOR * self.ahead / self.vx
 
     def trial(self, budget: Budget, seed: int, window: Window, then: Steps, **more: Any) -> Trial:
         more = {"duration": self.window(budget)[1], **more}
-        return walk(budget, seed, window, vx=self.vx, then=then, ahead=self.ahead, **more)
+        changes, ahead = budget.changes, self.ahead
+        return walk(seed, window, self.vx, changes=changes, then=then, ahead=ahead, **more)
 
     def holds(self, measures: Measures) -> bool:
-        soonest = COMMAND_AT + self.ahead / self.vx / TIME_FACTOR
+        soonest = COMMAND_AT + self.ahead / self.vx / _TIME_FACTOR
         return measures["ahead"] >= self.ahead and measures["end"] > soonest
 
 
@@ -140,7 +134,7 @@ class Stand(Motion):
     random: bool = tunable(False, description="Whether sliders and sticks jump at random")
 
     def commands(self, seed: int, end: float) -> Steps:
-        return standing_commands(seed, SETTLED, end) if self.random else ()
+        return standing_commands(seed, _SETTLED, end) if self.random else ()
 
     def trial(self, budget: Budget, seed: int, window: Window, then: Steps, **more: Any) -> Trial:
         content = {
@@ -166,7 +160,7 @@ class Ride(Motion):
         return riding_commands(seed, GO, end) if self.random else ()
 
     def trial(self, budget: Budget, seed: int, window: Window, then: Steps, **more: Any) -> Trial:
-        scene: dict[str, Any] = {"let_go": LET_GO, "surface": self.surface}
+        scene: dict[str, Any] = {"let_go": _LET_GO, "surface": self.surface}
         if self.softness is not None:
             scene["softness"] = self.softness
         content: dict[str, Any] = {
@@ -186,7 +180,7 @@ class Ride(Motion):
             **more,
         }
         if rider := more.get("rider"):
-            start = {"t": LET_GO + 1.0, "speed": 0.0, "heading": 0.0}
+            start = {"t": _LET_GO + 1.0, "speed": 0.0, "heading": 0.0}
             targets = [start, *rider["targets"]]
             content["rider"] = {"seed": seed, **rider, "targets": targets}
         return Trial(content, seed, window, None, budget.changes)

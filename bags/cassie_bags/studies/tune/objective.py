@@ -12,7 +12,7 @@ from typing import Any
 from cassie_bags.errors import ExperimentError
 from cassie_bags.run.seed import Stream
 from cassie_bags.run.yaml_file import read_mapping
-from cassie_bags.studies.sweep.course import Budget, push, reached_at, step_time, walk
+from cassie_bags.studies.sweep.course import push, reached_at, step_time, walk
 from cassie_bags.studies.trial import Measures, Trial
 from cassie_msgs.experiment.scenario import Delays, ModelScale
 from cassie_msgs.structured import refuse_unknown, structure
@@ -111,10 +111,8 @@ class Objective:
             angle = drawn if course.push.angle_deg is None else course.push.angle_deg
             at = begin + 1.0 + float(rng.uniform(0.0, 2.0 * step_time(course.vx)))
             sections["pushes"] = [push(at, course.push.impulse, angle)]
-        window = (begin, begin + course.seconds)
-        budget = Budget(changes=words)
-        vx, vy, yaw_rate = course.vx, course.vy, course.yaw_rate
-        return walk(budget, seed, window, vx=vx, vy=vy, yaw_rate=yaw_rate, **sections)
+        window, command = (begin, begin + course.seconds), (course.vx, course.vy, course.yaw_rate)
+        return walk(seed, window, *command, changes=words, **sections)
 
     def cost_of(self, trial: Trial, measures: Measures) -> float:
         """Cost of one run in points; an earlier fall costs more."""
