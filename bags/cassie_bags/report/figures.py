@@ -39,9 +39,7 @@ MODE_COLOURS = {
     "off": "#dddddd", "damp": "#f0b8a8", "stand": "#c9dcee", "walk": "#b9dfc4", "segway": "#efe2a6"
 }  # fmt: skip
 
-MIN_SAMPLES = 20
-"""Least number of walking status samples for the picture of the outputs over the phase."""
-
+_MIN_SAMPLES = 20  # least number of walking status samples for the outputs over the phase
 _PANELS = (
     ("vx", "forward\n(m/s)"),
     ("vy", "to the left\n(m/s)"),
@@ -209,7 +207,7 @@ def overview(view: View) -> Figure:
 def outputs_by_phase(view: View) -> Figure | None:
     """Error of each output over the phase of a step, by stance leg; None without steps."""
     rows = view.status[(view.status["mode"] == RobotMode.WALK) & (view.status["stance_leg"] >= 0)]
-    if len(rows) < MIN_SAMPLES:
+    if len(rows) < _MIN_SAMPLES:
         return None
     figure = _figure(view, "Outputs' errors", 9.0, 6.0)
     panels = figure.subplots(3, 3, sharex=True).ravel()

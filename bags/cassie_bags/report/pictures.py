@@ -33,10 +33,8 @@ from cassie_sim.video import Camera, Film
 STRIP_LENGTH = 10
 """Number of images in a strip."""
 
-VIDEO_FPS = 16.0
-VIDEO_LENGTH = 10.0
-"""Longest playing time of a video; a longer run is played faster. In s."""
-
+_VIDEO_FPS = 16.0
+_VIDEO_LENGTH = 10.0  # s, longest playing time of a video; a longer run is played faster
 _SKY = 112  # upper rows of an image, which are empty
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
@@ -129,9 +127,9 @@ def film_of(view: View, path: Path) -> Film:
     """
     track, posed = view.track, PosedModel(view.scenario)
     length = float(track.time[-1] - track.time[0])
-    speed = max(1.0, math.ceil(length / VIDEO_LENGTH))
-    count = max(1, round(length / speed * VIDEO_FPS))
-    film = Film(posed.model, path, VIDEO_FPS)
+    speed = max(1.0, math.ceil(length / _VIDEO_LENGTH))
+    count = max(1, round(length / speed * _VIDEO_FPS))
+    film = Film(posed.model, path, _VIDEO_FPS)
     try:
         for index in np.linspace(0, len(track.time) - 1, count).round().astype(int):
             film.snap(posed.pose(track, int(index)))

@@ -14,9 +14,7 @@ from cassie_bags.run.verify import Replayed, Verification
 from cassie_gaits.names import DRIVE_IN_Q, DRIVES
 from cassie_msgs.layout import MotorCommand, RobotState
 
-WINDOW = 2.0
-"""Length of the enlarged part, from shortly before the first difference on. In s."""
-
+_WINDOW = 2.0  # s, length of the enlarged part, from shortly before the first difference on
 _BEFORE = 0.4  # s
 _POSE = ("x (m)", "y (m)", "z (m)", "yaw (rad)", "pitch (rad)", "roll (rad)")
 
@@ -62,7 +60,7 @@ def _draw_panels(
     """Draw both values over the enlarged part from `t0` (s) on, and their difference."""
     axes = figure.subplots(len(panels), 2, sharex="col", squeeze=False)
     for (large, whole), (label, time, one, other) in zip(axes, panels, strict=True):
-        part = (time >= t0) & (time <= t0 + WINDOW)
+        part = (time >= t0) & (time <= t0 + _WINDOW)
         large.plot(time[part], one[part], color=BLUE, label="recorded")
         large.plot(time[part], other[part], color=ORANGE, label="computed", dashes=(4, 2))
         large.set_ylabel(label.replace(" (", "\n("))

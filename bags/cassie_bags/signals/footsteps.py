@@ -9,11 +9,8 @@ import numpy as np
 from cassie_bags.bag.rows import FloatArray, runs
 from cassie_bags.signals.track import Track
 
-LOADED = 0.5
-"""Load of a foot (0..1) above which the foot counts as standing."""
-
-MIN_DURATION = 0.1
-"""Shortest time on the ground that counts as a placement. In s."""
+_LOADED = 0.5  # load of a foot (0..1) above which the foot counts as standing
+_MIN_DURATION = 0.1  # s, shortest time on the ground that counts as a placement
 
 
 @dataclass(frozen=True)
@@ -39,12 +36,12 @@ def placements(track: Track) -> list[Placement]:
     """All placements of both feet in a run, in the order of their starts."""
     steps = []
     for leg in (0, 1):
-        loaded = track.foot_load[:, leg] > LOADED
+        loaded = track.foot_load[:, leg] > _LOADED
         for start, end in runs(loaded):
             if not loaded[start]:
                 continue
             t0, t1 = float(track.time[start]), float(track.time[end - 1])
             tip, heel = track.legs[start:end, leg, -2:].mean(axis=0)
-            if t1 - t0 >= MIN_DURATION and np.isfinite([tip, heel]).all():  # NaN: drives damp
+            if t1 - t0 >= _MIN_DURATION and np.isfinite([tip, heel]).all():  # NaN: drives damp
                 steps.append(Placement(leg, t0, t1, heel, tip))
     return sorted(steps, key=lambda placement: placement.t0)

@@ -13,18 +13,15 @@ from cassie_bags.signals.leg_geometry import euler_angles
 from cassie_msgs.experiment.script import Gates, RiderScript, Target
 from cassie_teleop.rider import way
 
-AT_REST = 0.1
-"""Speed below which a Segway counts as stopped. In m/s."""
-
-SHAKING = 2.0
-"""Width of the moving mean that removes slow tilts from the platform's shaking. In s."""
+_AT_REST = 0.1  # m/s, speed below which a Segway counts as stopped
+_SHAKING = 2.0  # s, width of the moving mean that removes slow tilts from the platform's shaking
 
 RIDE_MEASURES = {
     "ride_min": "m/s, smallest forward speed of the chassis",
     "ride_max": "m/s, largest forward speed of the chassis",
     "ride_drift": "m, largest distance of the chassis from its place at the window's start",
-    "stop_time": "s, time until the speed was within `AT_REST`; infinite if it never was",
-    "platform_rms": "deg, RMS of the platform's pitch about its mean over `SHAKING`",
+    "stop_time": f"s, time until the speed was within {_AT_REST} m/s; infinite if it never was",
+    "platform_rms": f"deg, RMS of the platform's pitch about its mean over {_SHAKING} s",
     "gate_miss": "m, largest distance from the middle of a gate, over the whole run",
 }
 """Measures of `measure_ride` by name."""
@@ -52,7 +49,7 @@ def measure_ride(
     pitch = euler_angles(rows["orientation"])[:, 1]
     speed = (np.cos(pitch) * rows["linear"][:, 0] + np.sin(pitch) * rows["linear"][:, 2])[inside]
     away = rows["position"][inside, :2] - rows["position"][inside][0, :2]
-    slow = np.flatnonzero(np.abs(speed) < AT_REST)
+    slow = np.flatnonzero(np.abs(speed) < _AT_REST)
     return {
         "ride_min": float(speed.min()),
         "ride_max": float(speed.max()),
@@ -115,7 +112,7 @@ def _start(truth: Rows, script: RiderScript, time: float) -> tuple[FloatArray, f
 
 def _shaking(pitch: FloatArray, period: float) -> float:
     """RMS of a pitch about its moving mean, or about its mean if it is short. In rad."""
-    width = round(SHAKING / period)
+    width = round(_SHAKING / period)
     if len(pitch) < 2 * width:
         return float(pitch.std())
     mean = np.convolve(pitch, np.full(width, 1.0 / width), mode="valid")

@@ -30,8 +30,7 @@ from cassie_sim.segway import TRACK, WHEEL_RADIUS
 AVERAGED_OVER = 0.8
 """Width of a moving mean that removes the sway of the gait, about two steps. In s."""
 
-FLIGHT = 0.25
-"""Time around a sample within which a foot must carry load. In s."""
+_FLIGHT = 0.25  # s around a sample within which a foot must carry load
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Track:
         legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
         foot_load: Load of each foot, 0..1. Shape (n, 2).
         carries: Whether the robot stands, walks or rides on its own legs: the feet carry load
-            within `FLIGHT` of the sample. Shape (n,).
+            within a quarter of a second of the sample. Shape (n,).
         sensors: Rows of `Sensors` at these ticks.
         state: Rows of `RobotState` at these ticks.
         vehicle: True pose of the Segway's chassis at each tick: x, y, z (m), quaternion x y z w;
@@ -114,7 +113,7 @@ def make_track(recording: Recording) -> Track:
     mode = _held(recording.rows(Mode), sensors, ("mode",))["mode"].astype(np.int64)
     load = state["foot_load"]
     own = np.isin(mode, [RobotMode.STAND, RobotMode.WALK, RobotMode.SEGWAY])
-    own &= _nearby(load.sum(axis=1) > 0.5, stamps(sensors), FLIGHT)
+    own &= _nearby(load.sum(axis=1) > 0.5, stamps(sensors), _FLIGHT)
     velocity = np.einsum("nij,nj->ni", rotation_matrices(orientation), truth["linear"])
     achieved = _velocities(truth, velocity, angles)
     achieved["height"] = truth["position"][:, 2] - _ground(legs, load)

@@ -37,31 +37,22 @@ SECTION = "Failing sensors"
 """Heading of the faults' table in a file of results."""
 
 MODES = ("standing", "walking")
-FAULT_TIME = {"standing": 2.5, "walking": 8.0}
-"""Robot time at which the sensor fails. In s."""
+_FAULT_TIME = {"standing": 2.5, "walking": 8.0}  # s of robot time at which the sensor fails
+_OBSERVED_TIME = 9.0  # s of robot time that are observed after the fault
 
-OBSERVED_TIME = 9.0
-"""Robot time that is observed after the fault. In s."""
-
-BOUNDS = {
-    "position": 0.03,
-    "velocity": 0.3,
-    "orientation": 0.03,
-    "acceleration": 3.0,
-    "torque": 1000.0,
+BOUNDS_AND_SPIKES = {
+    "position": (0.03, 0.2),
+    "velocity": (0.3, 2.0),
+    "orientation": (0.03, 0.1),
+    "acceleration": (3.0, 10.0),
+    "torque": (1000.0, 50.0),
 }
-"""Error from which a fault counts. In rad, rad/s, m/s^2, Nm; for torques only NaN reaches it."""
+"""Error from which a fault counts, and height of spikes, by measured quantity.
 
-MAX_LATENCY = 0.1
-"""Longest time from the error's exceeding its bound to the report. In s."""
+In rad, rad/s, m/s^2, Nm; for torques only NaN reaches the bound.
+"""
 
-_SPIKES = {
-    "position": 0.2,
-    "velocity": 2.0,
-    "orientation": 0.1,
-    "acceleration": 10.0,
-    "torque": 50.0,
-}
+_MAX_LATENCY = 0.1  # s, longest time from the error's exceeding its bound to the report
 _DELAY = 0.02
 _FALLEN_HEIGHT, _FALLEN_TILT = 0.55, 0.7  # m, rad: before the drives damp, which is at 0.8 rad
 
@@ -97,11 +88,11 @@ class Cell:
     @property
     def safe(self) -> bool:
         """Whether Cassie did not fall, and a fault that exceeds its bound was reported in time."""
-        return self.outcome != "falls" and self.latency <= MAX_LATENCY
+        return self.outcome != "falls" and self.latency <= _MAX_LATENCY
 
 
 def quantity(channel: str) -> str:
-    """Measured quantity of a channel: a key of `BOUNDS`."""
+    """Measured quantity of a channel: a key of `BOUNDS_AND_SPIKES`."""
     field = channel.partition(".")[0]
     if field == "orientation":
         return field
@@ -113,7 +104,7 @@ def experiment_of(mode: str, seed: int) -> Experiment:
     operator = [{"t": 0.0, "power": True, "mode": "stand", "height": 0.95}]
     if mode == "walking":
         operator = walking_operator(0.5)
-    duration = FAULT_TIME[mode] + OBSERVED_TIME
+    duration = _FAULT_TIME[mode] + _OBSERVED_TIME
     content = {"name": mode, "seed": seed, "duration": duration, "start": "standing"}
     return resolve(read_experiment({**content, "operator": operator}))
 
@@ -176,7 +167,7 @@ class PreparedRun:
         self._estimator, self._controller = cores.estimator, cores.controller
         faulty = dataclasses.replace(cores, plant=cast(Plant, self._plant))
         self._loop = connect(faulty, self._observe)
-        for _ in range(round(FAULT_TIME[mode] * 1e9 / self._plant.tick_ns)):
+        for _ in range(round(_FAULT_TIME[mode] * 1e9 / self._plant.tick_ns)):
             self._loop.tick()
 
     def _observe(self, topic: str, raw: bytes, _: int) -> None:
@@ -186,14 +177,14 @@ class PreparedRun:
     def fail(self, channel_and_kind: tuple[str, str]) -> Cell:
         """Let a channel fail in a way and observe the outcome; call it once, in its own process."""
         channel, kind = channel_and_kind
-        plant, what = self._plant, quantity(channel)
-        size = _DELAY if kind == "delay" else _SPIKES[what]
+        plant, (bound, spike) = self._plant, BOUNDS_AND_SPIKES[quantity(channel)]
+        size = _DELAY if kind == "delay" else spike
         fault = SensorFault(t=plant.time, channel=channel, kind=kind, size=size)
         plant.fault, plant.channel = ActiveFault(fault, plant.config.physics_rate), channel
         seen: dict[str, float] = {}
         watched = FaultOutcome()
         exceeded: float | None = None
-        for tick in range(round(OBSERVED_TIME * 1e9 / plant.tick_ns)):
+        for tick in range(round(_OBSERVED_TIME * 1e9 / plant.tick_ns)):
             self._loop.tick()
             time = tick * plant.tick_ns * 1e-9
             for name in self._estimator.faults:
@@ -201,7 +192,7 @@ class PreparedRun:
             position, (_, x, y, _) = plant.pelvis_pose
             tilt = math.acos(1.0 - 2.0 * float(x * x + y * y))
             watched.note(float(position[2]), tilt, damped=not self._command.kp.any())
-            if exceeded is None and plant.largest_error > BOUNDS[what]:
+            if exceeded is None and plant.largest_error > bound:
                 exceeded = time
         reported = seen.pop(channel, None)
         outcome = watched.outcome(standing=self._controller.activity.value == "standing")

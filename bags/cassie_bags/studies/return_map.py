@@ -54,35 +54,20 @@ HEADINGS = (
 )
 """Headings of the table."""
 
-STRONGEST = 10.0
-"""Largest push; the deviation after a larger one is no longer small. In N s."""
+_STRONGEST = 10.0  # N s, largest push; the deviation after a larger one is no longer small
+_STEADY = 12.0  # s of robot time after which the gait counts as steady
+_IMPULSES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # forward, backward, left, right
+_DELAYS = (0.0, 0.2)  # s from the left foot's touchdown to the push: with either foot on the ground
+_PUSH_TIME = 0.1  # s, duration of a push
+_NOISE_SHARE = 0.01  # of a push: a tiny one, which shows noise of ticks, contacts and estimator
+_STEPS = 14  # number of touchdowns that are observed after the push
+_PENDULUM_HEIGHT = 0.9  # m, height of the CoM over the ground, for `POSITION_RATE`
 
-STEADY = 12.0
-"""Robot time after which the gait counts as steady. In s."""
-
-IMPULSES = ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
-"""Directions of the pushes: forward, backward, to the left, to the right."""
-
-DELAYS = (0.0, 0.2)
-"""Time from the left foot's touchdown to the push: with either foot on the ground. In s."""
-
-PUSH_TIME = 0.1
-"""Duration of a push. In s."""
-
-NOISE_SHARE = 0.01
-"""Ratio of a tiny push to the push; it shows the noise of ticks, contacts and the estimator."""
-
-STEPS = 14
-"""Number of touchdowns that are observed after the push."""
-
-PENDULUM_HEIGHT = 0.9
-"""Height of the CoM over the ground, for `POSITION_RATE`. In m."""
-
-POSITION_RATE = math.sqrt(robot.GRAVITY / PENDULUM_HEIGHT)
+POSITION_RATE = math.sqrt(robot.GRAVITY / _PENDULUM_HEIGHT)
 """sqrt(g / height): converts the CoM's position to a velocity. In 1/s."""
 
 _SLOWEST = 1.5  # s, longest time of a step; a run without a touchdown counts as stopped
-_RUNS = len(IMPULSES) * len(DELAYS) + 2  # and a run without a push, and one that shows the noise
+_RUNS = len(_IMPULSES) * len(_DELAYS) + 2  # and a run without a push, and one that shows the noise
 _ACROSS = 5  # largest number of panels side by side in the picture
 
 
@@ -137,7 +122,7 @@ def experiment_of(speed: float, seed: int, library: Path | None, uncertified: bo
     content = {
         "name": f"return map at {speed:g} m/s",
         "seed": seed,
-        "duration": STEADY,
+        "duration": _STEADY,
         "start": "standing",
         "gait_library": None if library is None else str(library),
         "controller": {"allow_uncertified": uncertified},
@@ -160,7 +145,7 @@ class Walk:
         self._mode = Mode()
         self._copy = mujoco.MjData(cores.plant.model)
         self._pelvis = cores.plant.model.body("pelvis").id
-        for _ in range(round(STEADY / self._tick)):
+        for _ in range(round(_STEADY / self._tick)):
             self._loop.tick()
         while self._to_touchdown() and self._timing.stance != 0:
             pass
@@ -168,7 +153,7 @@ class Walk:
             raise RunError(f"{experiment.name}: it fell or stopped before the push")
         if abs(self._mode.vx - speed) > 1e-6:
             now = f"the supervisor asks for {float(self._mode.vx):g} m/s"
-            raise RunError(f"{experiment.name}: after {STEADY:g} s {now}")
+            raise RunError(f"{experiment.name}: after {_STEADY:g} s {now}")
 
     def _observe(self, topic: str, raw: bytes, _: int) -> None:
         if topic == Mode.TOPIC:
@@ -202,8 +187,8 @@ class Walk:
         """
         plant = self._plant
         if any(impulse):
-            force = _turn(np.array(impulse), _yaw(plant.pelvis_pose[1])) / PUSH_TIME
-            push = Push(t=delay, duration=PUSH_TIME, force=(force[0], force[1], 0.0))
+            force = _turn(np.array(impulse), _yaw(plant.pelvis_pose[1])) / _PUSH_TIME
+            push = Push(t=delay, duration=_PUSH_TIME, force=(force[0], force[1], 0.0))
             plant.events.push(push, plant.seq * plant.substeps)
         start, here = plant.time, (plant.pelvis_pose[0][:2].copy(), _yaw(plant.pelvis_pose[1]))
         times, states = [], []
@@ -239,7 +224,7 @@ def measure(
     experiment: Experiment,
     speed: float,
     impulse: float,
-    steps: int = STEPS,
+    steps: int = _STEPS,
     jobs: int = 1,
     advance: Callable[[], None] = lambda: None,
 ) -> Measurement:
@@ -257,8 +242,8 @@ def measure(
         RunError: if the robot does not walk at this speed without a push.
     """
     pushes = [((0.0, 0.0), 0.0)]
-    pushes += [((impulse * x, impulse * y), delay) for delay in DELAYS for x, y in IMPULSES]
-    pushes.append(((NOISE_SHARE * impulse, NOISE_SHARE * impulse), DELAYS[0]))
+    pushes += [((impulse * x, impulse * y), delay) for delay in _DELAYS for x, y in _IMPULSES]
+    pushes.append(((_NOISE_SHARE * impulse, _NOISE_SHARE * impulse), _DELAYS[0]))
     runs: list[Touchdowns] = []
     walk = Walk(experiment, speed)
     for run in in_copies(lambda push: walk.go_on(*push, steps), pushes, jobs):
@@ -270,7 +255,7 @@ def measure(
     deviations = []
     for run, (push, delay) in zip(pushed, pushes[1:-1], strict=True):
         if not run.fell and in_line(run.time, nominal.time):
-            first = int(np.searchsorted(nominal.time, delay + PUSH_TIME))
+            first = int(np.searchsorted(nominal.time, delay + _PUSH_TIME))
             deviations.append(Deviations(push, delay, (run.states - nominal.states)[first:]))
     fell = sum(run.fell for run in pushed)
     dropped = len(pushed) - fell - len(deviations)
@@ -299,9 +284,9 @@ def _turn(vector: FloatArray, angle: float) -> FloatArray:
 
 def run(options: argparse.Namespace) -> int:
     """Push at each speed; returns the exit code."""
-    if not (math.isfinite(options.impulse) and 0.1 <= options.impulse <= STRONGEST):
+    if not (math.isfinite(options.impulse) and 0.1 <= options.impulse <= _STRONGEST):
         raise ExperimentError(
-            f"--impulse = {options.impulse:g} N s is outside 0.1 .. {STRONGEST:g}"
+            f"--impulse = {options.impulse:g} N s is outside 0.1 .. {_STRONGEST:g}"
         )
     named = bool(options.speeds) or options.file is not None
     check_results(options, "speeds of the package's library", partial=named)
@@ -318,7 +303,7 @@ def run(options: argparse.Namespace) -> int:
         for speed in speeds:
             experiment = experiment_of(speed, options.seed, options.file, options.allow_uncertified)
             try:
-                one = measure(experiment, speed, options.impulse, STEPS, jobs, bar.update)
+                one = measure(experiment, speed, options.impulse, _STEPS, jobs, bar.update)
                 measured.append(one)
                 rows.append(line(one))
             except RunError as error:

@@ -12,11 +12,8 @@ from cassie_bags.bag.rows import FloatArray
 ABOVE_NOISE = 3.0
 """Ratio to the noise from which deviations are used in the fit."""
 
-MIN_PAIRS = 12
-"""Least number of pairs of deviations for a map: twice the length of a state."""
-
-GAIT = 4
-"""Number of entries of a state that belong to the gait; the others are the robot's position."""
+_MIN_PAIRS = 12  # least number of pairs of deviations for a map: twice the length of a state
+_GAIT = 4  # entries of a state that belong to the gait; the others are the robot's position
 
 DECAYED = 0.1
 """Ratio to the first deviation below which a push counts as decayed."""
@@ -65,7 +62,7 @@ class ReturnMap:
 
 def size_of(values: FloatArray) -> FloatArray:
     """Norm of the gait's part of each deviation. Shape (n, 6) to (n,), in m/s."""
-    size: FloatArray = np.linalg.norm(values[:, :GAIT], axis=1)
+    size: FloatArray = np.linalg.norm(values[:, :_GAIT], axis=1)
     return size
 
 
@@ -114,7 +111,7 @@ def _pairs(run: Deviations, threshold: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _solve(pairs: Sequence[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, float] | None:
-    if sum(len(before) for before, _ in pairs) < MIN_PAIRS:
+    if sum(len(before) for before, _ in pairs) < _MIN_PAIRS:
         return None
     before = np.concatenate([pair[0] for pair in pairs])
     after = np.concatenate([pair[1] for pair in pairs])

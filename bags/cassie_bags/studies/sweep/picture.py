@@ -53,7 +53,6 @@ _LINES = ("-", "--")  # line styles of the kinds
 _INNERMOST = 0.35  # ratio to the largest value below which rings have no number
 _WIDEST = 90.0  # deg, largest angle between directions that a line joins
 _COMPASS = ((0.0, "fore"), (90.0, "left"), (180.0, "aft"), (270.0, "right"))
-
 _GROUNDS = {
     "Angles (deg)": {
         "slope.up": "slope up",
@@ -93,9 +92,7 @@ _GROUNDS = {
 }
 """Rows whose limits are drawn as bars, with a label for each, by the title of their axes."""
 
-_MOST_FRICTION = 0.8
-"""Start of the bars of friction: ground on which every robot walks."""
-
+_MOST_FRICTION = 0.8  # start of the bars of friction: ground on which every robot walks
 _SPEEDS = {"speed": "o", "top_speed": "o", "sideways": "s"}
 """Marker of each group of rows whose levels are commanded speeds."""
 

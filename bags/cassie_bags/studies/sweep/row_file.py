@@ -39,8 +39,7 @@ from cassie_msgs.structured import (
 )
 from cassie_msgs.tunables import ParameterError, tunable
 
-STRIDE_SPEED = 0.4
-"""Speed of the two steps over which obstacles are spread. In m/s."""
+_STRIDE_SPEED = 0.4  # m/s, speed of the two steps over which obstacles are spread
 
 TRIAL_NAMES = (
     *("level", "seed", "index", "seconds", "phase"),
@@ -289,7 +288,7 @@ def _quantity(given: Any, names: Mapping[str, Any], where: str) -> tuple[float, 
 
 def _stride() -> float:
     """Length of two steps. In m."""
-    return 2.0 * step_time(STRIDE_SPEED) * STRIDE_SPEED
+    return 2.0 * step_time(_STRIDE_SPEED) * _STRIDE_SPEED
 
 
 @cache
