@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -55,8 +56,8 @@ def strong(limit: float, weak_seeds: int = 0):
     return run
 
 
-def measure(row: Row, run) -> RowResult:
-    return measure_row(row, BUDGET, ThisProcess(), lambda word: None, run)
+def measure(row: Row, run, budget: Budget = BUDGET) -> RowResult:
+    return measure_row(row, budget, partial(ThisProcess().results, run), print)
 
 
 @pytest.mark.parametrize(("limit", "met"), [(1.0, False), (2.5, False), (3.0, True), (9.0, True)])
@@ -69,7 +70,7 @@ def test_the_hardest_level_that_holds_is_found_from_either_side(limit: float, me
 @pytest.mark.parametrize(("beyond", "tried"), [(0, [3.0]), (1, [3.0, 4.0])])
 def test_no_more_levels_are_tried_beyond_a_target_than_wanted(beyond: int, tried: list[float]):
     budget = dataclasses.replace(BUDGET, beyond=beyond)
-    result = measure_row(row(), budget, ThisProcess(), lambda word: None, strong(9.0))
+    result = measure(row(), strong(9.0), budget)
     assert [level.level for level in result.levels] == tried
     assert result.met
 
@@ -77,7 +78,7 @@ def test_no_more_levels_are_tried_beyond_a_target_than_wanted(beyond: int, tried
 def test_a_level_whose_figure_is_a_hair_short_of_the_target_is_not_yet_the_last():
     budget = dataclasses.replace(BUDGET, beyond=0)
     short = row(figure=lambda figures, _: figures["vx"])
-    result = measure_row(short, budget, ThisProcess(), lambda word: None, strong(9.0))
+    result = measure(short, strong(9.0), budget)
     assert [level.level for level in result.levels] == [3.0, 4.0]
     assert result.measured == pytest.approx(3.9)
     assert result.met
@@ -129,7 +130,7 @@ def test_rows_that_look_at_the_same_runs_share_them():
 
     for name in ("group.one", "group.other"):
         shown = row((3.0,), start=0, name=name)
-        assert measure_row(shown, BUDGET, pool, lambda word: None, counted).met
+        assert measure_row(shown, BUDGET, partial(pool.results, counted), print).met
     assert len(runs) == 10
 
 

@@ -9,6 +9,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -208,7 +209,7 @@ def _row(row: Row, variant: str, budget: Budget, pool: Workers, bar: tqdm) -> Ro
         bar.set_postfix_str(word)
 
     try:
-        result = measure_row(row, budget, pool, progress, run_trial)
+        result = measure_row(row, budget, partial(pool.results, run_trial), progress)
     except ExperimentError as error:
         result = RowResult(row.name, float("nan"), False, [], " ".join(str(error).split()))
     bar.write(f"{row.title} ({variant}): {cell(result)}", file=sys.stderr)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 from cassie_bags.run.provenance import Origin
 from cassie_bags.studies.sweep.course import Budget, Trials
 from cassie_bags.studies.trial import Measures, Trial
-from cassie_bags.studies.workers import Workers
 
 Figure = Callable[[Measures, float], float]
 """Figure of a trial: a function of the trial's measures and the level."""
@@ -141,25 +140,15 @@ class RowResult:
         return bool(self.levels) and all(level.passed for level in self.levels)
 
 
+Results = Callable[[Sequence[Trial]], Iterable[tuple[int, Measures]]]
+"""Runs trials; gives index and measures of each on completion."""
+
 Progress = Callable[[str], Any]
 """Gets a text about each completed trial."""
 
 
-def measure_row(
-    row: Row,
-    budget: Budget,
-    workers: Workers,
-    progress: Progress,
-    run: Callable[[Trial], Measures],
-) -> RowResult:
-    """Measure a row.
-
-    Args:
-        row: Row to measure.
-        budget: Extent of the runs.
-        workers: Workers that compute the trials.
-        progress: Called after each trial.
-        run: Runs a trial.
+def measure_row(row: Row, budget: Budget, results: Results, progress: Progress) -> RowResult:
+    """Measure a row with trials of some extent.
 
     Raises:
         ExperimentError: if the trials cannot be run; the text names the key or parameter.
@@ -167,7 +156,8 @@ def measure_row(
     tried: dict[int, Level] = {}
 
     def holds(index: int) -> bool:
-        tried[index] = measure_level(row, row.levels[index], budget, workers, progress, run)
+        trials = row.trials(budget, row.levels[index])
+        tried[index] = measure_level(row, row.levels[index], trials, results, progress)
         return tried[index].passed
 
     index, last = row.first, len(row.levels) - 1
@@ -184,28 +174,20 @@ def measure_row(
             index -= 1
     passed = [index for index, level in tried.items() if level.passed]
     best = tried[max(passed)] if passed else None
-    measured = _figure(row, best if best is not None else tried[row.first])
-    met = _meets(row, measured)
-    if row.figure is not None and not row.counts:
-        met = met and best is not None
+    measured = _figure(row, best or tried[row.first])
+    met = _meets(row, measured) and (row.figure is None or row.counts or best is not None)
     return RowResult(row.name, measured, met, list(tried.values()))
 
 
 def measure_level(
-    row: Row,
-    level: float,
-    budget: Budget,
-    workers: Workers,
-    progress: Progress,
-    run: Callable[[Trial], Measures],
+    row: Row, level: float, trials: Sequence[Trial], results: Results, progress: Progress
 ) -> Level:
     """Run the trials of a level; stop once the level is decided, unless every trial counts."""
-    trials = row.trials(budget, level)
     needed = math.ceil(row.share * len(trials) - 1e-9)
     decides = (row.figure is None or len(row.levels) > 1) and not row.counts
     measured: dict[int, Measures] = {}
     missed: list[int] = []
-    for index, measures in workers.results(run, trials):
+    for index, measures in results(trials):
         measured[index] = measures
         if measures["fell"] or not row.holds(measures, level):
             missed.append(trials[index].seed)
