@@ -36,13 +36,12 @@ def comparison_text(
         if any(one.counts):
             rows.append((one.topic, *map(str, (*one.counts, one.common, one.different))))
     lines += ["", *aligned(rows), "", *_other_topics(summaries, {one.topic for one in topics})]
-    firsts = [one for one in topics if one.first is not None]
-    for one in sorted(firsts, key=lambda one: one.first.time if one.first else 0.0):
-        assert one.first is not None
-        a, b = one.first.values
+    firsts = [(one.topic, one.first) for one in topics if one.first is not None]
+    for topic, first in sorted(firsts, key=lambda pair: pair[1].time):
+        a, b = first.values
         lines.append(
-            f"first difference of {one.topic}: {one.first.field} at tick {one.first.tick} "
-            f"({one.first.time:.3f} s): {a!r} against {b!r}"
+            f"first difference of {topic}: {first.field} at tick {first.tick} "
+            f"({first.time:.3f} s): {a!r} against {b!r}"
         )
     if all(one.same for one in topics):
         lines.append("the control lane is the same to the last bit")
@@ -63,13 +62,12 @@ def in_one_bag(summaries: tuple[Summary, Summary]) -> list[str]:
 
 
 def _other_topics(summaries: tuple[Summary, Summary], known: set[str]) -> list[str]:
-    counts = [{topic.topic: topic.count for topic in s.topics} for s in summaries]
-    lines = []
-    for topic in sorted((counts[0].keys() | counts[1].keys()) - known):
-        a, b = (count.get(topic, 0) for count in counts)
-        if a != b:
-            lines.append(f"{topic}: {a} messages against {b}")
-    return lines
+    a, b = ({topic.topic: topic.count for topic in s.topics} for s in summaries)
+    return [
+        f"{topic}: {a.get(topic, 0)} messages against {b.get(topic, 0)}"
+        for topic in sorted((a.keys() | b.keys()) - known)
+        if a.get(topic, 0) != b.get(topic, 0)
+    ]
 
 
 def _metrics_table(a: Mapping[str, float], b: Mapping[str, float]) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -66,39 +67,32 @@ def gate_miss(recording: Recording, rider: RiderScript | None) -> float:
     Returns:
         Distance in m; infinite if a gate was not reached, NaN without gates.
     """
-    distances = [math.nan]
-    if rider is not None:
-        ends = [following.t for _, following in pairwise(rider.targets)] + [math.inf]
-        for target, end in zip(rider.targets, ends, strict=True):
-            if target.gates is not None:
-                distances += misses(recording, rider, target, target.gates, end)
-    return float(np.nanmax(distances)) if len(distances) > 1 else math.nan
+    if rider is None:
+        return math.nan
+    ends = [following.t for _, following in pairwise(rider.targets)] + [math.inf]
+    distances = [
+        distance
+        for target, end in zip(rider.targets, ends, strict=True)
+        if target.gates is not None
+        for distance in _misses(recording, rider, target, target.gates, end)
+    ]
+    return float(np.nanmax(distances)) if distances else math.nan
 
 
-def misses(
-    recording: Recording, script: RiderScript, target: Target, gates: Gates, end: float
-) -> list[float]:
-    """Distance of a Segway from the middle of each gate of a course. In m; infinite if not reached.
-
-    Args:
-        recording: Recording of the run.
-        script: Section `rider` of the experiment.
-        target: Target of the rider with the gates.
-        gates: The gates.
-        end: End of the course. In s.
-    """
-    start, line = _start(recording.truth, script, target.t)
+def _misses(
+    recording: Recording, rider: RiderScript, target: Target, gates: Gates, end: float
+) -> Iterator[float]:
+    """Distance from the middle of each gate of a course, which ends at a time (s). In m."""
+    start, line = _start(recording.truth, rider, target.t)
     rows = recording.segway
     rows = rows[(stamps(rows) >= target.t) & (stamps(rows) < end)]
     cos, sin = math.cos(line), math.sin(line)
     moved = rows["position"][:, :2] - start
     along, left = moved @ np.array([cos, sin]), moved @ np.array([-sin, cos])
-    distances = []
     for number in range(gates.count):
         place = gates.first + number * gates.spacing
         beyond = np.flatnonzero(along >= place)
-        distances.append(abs(left[beyond[0]] - way(gates, place)) if len(beyond) else math.inf)
-    return distances
+        yield abs(left[beyond[0]] - way(gates, place)) if len(beyond) else math.inf
 
 
 def _start(truth: Rows, script: RiderScript, time: float) -> tuple[FloatArray, float]:

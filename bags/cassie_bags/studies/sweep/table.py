@@ -140,7 +140,7 @@ def read_rows(path: Path) -> list[StoredRow]:
         ExperimentError: if the file has other content.
         OSError: if the file cannot be read.
     """
-    return _rows(path, _content(path))
+    return _read(path)[0]
 
 
 def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str, RowResult]]:
@@ -156,31 +156,23 @@ def load(path: Path, rows: Sequence[Row], budget: Budget) -> dict[str, dict[str,
     """
     if not path.is_file():
         return {}
-    content = _content(path)
+    stored, measured_with = _read(path)
+    known = {row.name for row in rows}
     found: dict[str, dict[str, RowResult]] = {}
-    for stored in _rows(path, content):
-        for variant, result in stored.results.items():
-            if any(row.name == stored.name for row in rows):
-                found.setdefault(variant, {})[stored.name] = result
-    if content.get("budget") != json.loads(json.dumps(asdict(budget))):
+    for row in stored:
+        for variant, result in row.results.items() if row.name in known else ():
+            found.setdefault(variant, {})[row.name] = result
+    if measured_with != json.loads(json.dumps(asdict(budget))):
         raise ExperimentError(f"{path} was measured with other seeds, phases, seconds or changes")
     return found
 
 
-def _content(path: Path) -> dict[str, Any]:
+def _read(path: Path) -> tuple[list[StoredRow], Any]:
+    """All stored rows, and the content of the budget."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
-        content = None
-    if not isinstance(content, dict):
-        raise ExperimentError(f"{path} holds no results of sweeps")
-    return content
-
-
-def _rows(path: Path, content: Mapping[str, Any]) -> list[StoredRow]:
-    try:
-        return [_row(entry) for entry in content["rows"]]
-    except (AttributeError, KeyError, TypeError):
+        return [_row(entry) for entry in content["rows"]], content.get("budget")
+    except (AttributeError, KeyError, TypeError, ValueError):
         raise ExperimentError(f"{path} holds no results of sweeps") from None
 
 
