@@ -87,17 +87,10 @@ def table(outcome: RunResult) -> str:
         lines.append(f"fell at {metrics.fall_time:.2f} s")
     if results := checks(outcome.experiment.expect, metrics):
         rows = [["expected of", "measured", "value", "", "target", "pass"]]
-        rows += [
-            [
-                check.phase or "the run",
-                check.name,
-                check.value,
-                UNITS.get(check.name, ""),
-                check.target,
-                "NO" if check.problem else "yes",
-            ]
-            for check in results
-        ]
+        for check in results:
+            unit, passed = UNITS.get(check.name, ""), "NO" if check.problem else "yes"
+            part = check.phase or "the run"
+            rows.append([part, check.name, check.value, unit, check.target, passed])
         lines += ["", *aligned(rows), ""]
     lines += [f"not as expected: {failure}" for failure in outcome.failures]
     lines.append(_verdict(outcome))

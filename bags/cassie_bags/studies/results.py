@@ -27,8 +27,7 @@ def put_table(path: Path, heading: str, table: Sequence[str], source: Origin) ->
         source: Origin of the values.
     """
     text = path.read_text(encoding="utf-8") if path.is_file() else "# Results\n"
-    text = with_table(text, heading, table)
-    lines = text.splitlines()
+    lines = with_table(text, heading, table).splitlines()
     extent = _extent(lines, heading)
     assert extent is not None  # with_table has made the section
     top, begin, _ = extent
@@ -61,12 +60,11 @@ def check_results(arguments: argparse.Namespace, what: str, *, partial: bool) ->
 def put_results(
     arguments: argparse.Namespace, heading: str, table: Sequence[str], words: str
 ) -> None:
-    """Write the table of a study into the file that its option `--results` names, if it does.
+    """Write the table of a study by `put_table` into the file of its option `--results`, if any.
 
     Args:
         arguments: Arguments of the study, with `seed` and `now`.
-        heading: Heading of the section, whose table is replaced.
-        table: Lines in Markdown.
+        heading, table: See `put_table`.
         words: The command that measures the values again, after `cassie_bags`.
     """
     if arguments.results is not None:

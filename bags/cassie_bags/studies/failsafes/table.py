@@ -128,9 +128,8 @@ def run(arguments: argparse.Namespace) -> int:
             print(row.name)
         return 0
     names = [row.name for row in ROWS]
-    for name in arguments.rows:
-        if name not in names:
-            raise ExperimentError(unknown_name(name, names, "row"))
+    if unknown := [name for name in arguments.rows if name not in names]:
+        raise ExperimentError(unknown_name(unknown[0], names, "row"))
     if arguments.write is not None:
         text = arguments.write.read_text(encoding="utf-8")
         arguments.write.write_text(with_table(text), encoding="utf-8")
