@@ -10,7 +10,7 @@ import time
 import pytest
 
 from cassie_bags.errors import RunError
-from cassie_bags.studies.copies import in_copies
+from cassie_bags.studies.workers import in_copies
 
 COUNT = [0]
 

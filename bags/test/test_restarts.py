@@ -10,8 +10,8 @@ from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import ControlLoop, Cores
-from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.trial import walking_operator
+from cassie_bags.studies.workers import in_copies
 
 CORES = ("estimator", "controller")
 PHASES = 20

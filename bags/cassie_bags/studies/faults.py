@@ -21,9 +21,9 @@ from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.seed import resolve
-from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_results, markdown, put_results
 from cassie_bags.studies.trial import walking_operator
+from cassie_bags.studies.workers import in_copies
 from cassie_control.estimator.channels import CHANNELS
 from cassie_gaits.processes import available_cores
 from cassie_msgs.experiment.file import Experiment

@@ -25,7 +25,6 @@ from cassie_bags.run.cores import connect, make_cores
 from cassie_bags.run.experiment import read_experiment
 from cassie_bags.run.progress import progress_bar
 from cassie_bags.run.seed import resolve
-from cassie_bags.studies.copies import in_copies
 from cassie_bags.studies.results import check_results, markdown, put_results
 from cassie_bags.studies.return_map_fit import (
     DECAYED,
@@ -38,6 +37,7 @@ from cassie_bags.studies.return_map_fit import (
 )
 from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
 from cassie_bags.studies.trial import walking_operator
+from cassie_bags.studies.workers import in_copies
 from cassie_gaits import robot
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_gaits.processes import available_cores

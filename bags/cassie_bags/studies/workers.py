@@ -1,10 +1,14 @@
-"""Workers that compute the trials of sweeps and of tuning: local processes, or a Dask cluster."""
+"""Workers that compute the trials of studies: local processes, or a Dask cluster.
+
+Also runs that continue from a common beginning, each in a copy of this process.
+"""
 
 from __future__ import annotations
 
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -16,13 +20,15 @@ from concurrent.futures import (
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from itertools import islice
-from multiprocessing import get_context
-from typing import Any, Protocol, TypeVar
+from multiprocessing import connection, get_context
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from typing import Any, Protocol, TypeVar, cast
 
 from tqdm import tqdm
 
 from cassie_bags.errors import RunError
-from cassie_gaits.processes import DIED, available_cores, obey_parent
+from cassie_gaits.processes import DIED, available_cores, end_with_starter, obey_parent
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -231,6 +237,74 @@ def all_results(
         results[index] = result
         bar.update()
     return [results[index] for index in range(len(items))]
+
+
+def in_copies(
+    function: Function[Item, Result], items: Sequence[Item], jobs: int
+) -> Iterator[Result]:
+    """Apply a function to items, each in a copy of this process, made when the item's turn comes.
+
+    Args:
+        function: Function that each copy applies; its exceptions are raised here.
+        items: Items, one for each copy.
+        jobs: Number of copies at a time.
+
+    Yields:
+        Results in the order of the items.
+
+    Raises:
+        RunError: if a copy died, as for lack of memory.
+    """
+    waiting = deque(enumerate(items))
+    running: dict[Connection, tuple[int, BaseProcess]] = {}
+    results: dict[int, Result] = {}
+    try:
+        for due in range(len(items)):
+            while due not in results:
+                while waiting and len(running) < jobs:
+                    index, item = waiting.popleft()
+                    receiver, process = _begin_copy(function, item)
+                    running[receiver] = (index, process)
+                for ready in connection.wait(list(running)):
+                    receiver = cast(Connection, ready)
+                    results[running[receiver][0]] = _received(receiver)
+                    _, process = running.pop(receiver)
+                    process.join()
+                    receiver.close()
+            yield results.pop(due)
+    finally:
+        for _, process in running.values():
+            process.kill()
+            process.join()
+
+
+def _begin_copy(function: Function[Item, Result], item: Item) -> tuple[Connection, BaseProcess]:
+    context = get_context("fork")
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(sender, function, item), daemon=True)
+    with children_without_ctrl_c():
+        process.start()
+    sender.close()  # so that receiving ends when the copy ends
+    return receiver, process
+
+
+def _received(receiver: Connection) -> Any:
+    try:
+        result, error = receiver.recv()
+    except EOFError:
+        raise RunError(DIED) from None
+    if error is not None:
+        raise error
+    return result
+
+
+def _answer(sender: Connection, function: Function[Item, Result], item: Item) -> None:
+    end_with_starter()
+    try:
+        answer: tuple[Result | None, Exception | None] = (function(item), None)
+    except Exception as error:
+        answer = (None, error)
+    sender.send(answer)
 
 
 def completed(futures: Iterable[Future[Result]]) -> Iterator[Future[Result]]:
