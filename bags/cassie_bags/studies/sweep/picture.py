@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
-from cassie_bags.studies.sweep.row import RowResult
+from cassie_bags.studies.sweep.row import Level, RowResult
 from cassie_bags.studies.sweep.table import StoredRow
 
 _COLOURS = (BLUE, ORANGE, GREY)  # colours of the variants
@@ -260,39 +260,22 @@ def _limit(result: RowResult) -> float:
     return 0.0 if math.isnan(result.measured) else result.measured
 
 
-@dataclass(frozen=True)
-class _Reached:
-    """Speeds of robots at one commanded speed; backward and to the right are negative. In m/s.
-
-    Attributes:
-        row: The row, whose group decides the marker.
-        commanded: Commanded speed.
-        achieved: Speed of each robot that did not fall.
-        fell: Number of robots that fell.
-    """
-
-    row: StoredRow
-    commanded: float
-    achieved: Sequence[float]
-    fell: int
-
-
-def _reached(rows: Sequence[StoredRow], variant: str) -> Iterator[_Reached]:
-    """Results at each commanded speed."""
+def _levels(rows: Sequence[StoredRow], variant: str) -> Iterator[tuple[StoredRow, Level]]:
+    """Levels of rows with their speeds; those backward are negative."""
     for row in rows:
         result = row.results.get(variant)
         sign = -1.0 if row.name == "top_speed.backward" else 1.0
         for level in result.levels if result else ():
             speeds = [sign * speed for speed in level.achieved or ()]
-            yield _Reached(row, sign * level.level, speeds, level.fell)
+            yield row, dataclasses.replace(level, level=sign * level.level, achieved=speeds)
 
 
 def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[str, str]) -> None:
     """Draw achieved over commanded speed, and below it their difference, with the spread."""
     above, below = part.subplots(2, 1, sharex=True, height_ratios=(1.5, 1.0))
-    points = {name: list(_reached(rows, name)) for name in colours}
-    every = [point for found in points.values() for point in found]
-    ends = min(p.commanded for p in every) - 0.1, max(p.commanded for p in every) + 0.1
+    points = {name: list(_levels(rows, name)) for name in colours}
+    commanded = [level.level for found in points.values() for _, level in found]
+    ends = min(commanded) - 0.1, max(commanded) + 0.1
     above.plot(ends, ends, color=DARK, linestyle=":", lw=0.9)
     above.set_xlim(*ends)
     above.set_title("Speed: slowest, mean and fastest robot", fontsize=9)
@@ -304,7 +287,7 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
     below.set_yticks([-30, -10, -3, -1, 0, 1, 3, 10, 30])
     below.yaxis.set_major_formatter(FuncFormatter(_signed))
     below.minorticks_off()
-    tolerances = [_CM * p.row.target for p in every if p.row.group != "top_speed"]
+    tolerances = [_CM * row.target for row in rows if row.group != "top_speed"]
     if tolerances:
         below.axhspan(-min(tolerances), min(tolerances), color=_SHADE, zorder=0)
     for axis in (above, below):
@@ -312,12 +295,14 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
     shift = 0.006 * (ends[1] - ends[0])  # so that the variants are side by side
     for index, (name, colour) in enumerate(colours.items()):
         aside = (2 * index - len(colours) + 1) * shift
-        for point in points[name]:
-            _draw_spread(above, point, point.commanded + aside, 0.0, 1.0, colour)
-            _draw_spread(below, point, point.commanded + aside, point.commanded, _CM, colour)
-            if point.fell:
-                place = -_LARGEST * (0.75 if index else 0.45)
-                below.plot(point.commanded, place, "x", color=colour, markersize=5, clip_on=False)
+        for row, level in points[name]:
+            place, marker, speeds = level.level + aside, _SPEEDS[row.group], level.achieved or ()
+            _draw_spread(above, place, speeds, marker, colour)
+            off = [_CM * (speed - level.level) for speed in speeds]
+            _draw_spread(below, place, off, marker, colour)
+            if level.fell:
+                low = -_LARGEST * (0.75 if index else 0.45)
+                below.plot(level.level, low, "x", color=colour, markersize=5, clip_on=False)
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=DARK, linestyle="", marker=marker, markersize=4)
         for marker in ("o", "s", "x")
@@ -334,13 +319,12 @@ def _signed(value: float, _: int) -> str:
 
 
 def _draw_spread(
-    axis: Axes, point: _Reached, place: float, origin: float, factor: float, colour: str
+    axis: Axes, place: float, speeds: Sequence[float], marker: str, colour: str
 ) -> None:
-    values = [factor * (speed - origin) for speed in point.achieved if math.isfinite(speed)]
-    if values:
+    """Draw slowest, fastest and mean speed."""
+    if values := list(filter(math.isfinite, speeds)):
         axis.plot([place, place], [min(values), max(values)], color=colour, lw=2.2, alpha=0.5)
-        mean = sum(values) / len(values)
-        axis.plot(place, mean, _SPEEDS[point.row.group], color=colour, markersize=3.5)
+        axis.plot(place, sum(values) / len(values), marker, color=colour, markersize=3.5)
 
 
 def _draw_grounds(
