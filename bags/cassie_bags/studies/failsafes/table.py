@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import sys
 import zlib
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -140,23 +140,20 @@ def run(arguments: argparse.Namespace) -> int:
 def _run_rows(arguments: argparse.Namespace) -> int:
     rows = [row for row in ROWS if not arguments.rows or row.name in arguments.rows]
     chosen = cases(rows, arguments.phases, arguments.first)
-    planned = Counter((case.row, case.state) for case in chosen)
-    safe: Counter[tuple[str, str]] = Counter()
-    done: Counter[tuple[str, str]] = Counter()
+    safe: defaultdict[tuple[str, str], list[bool]] = defaultdict(list)
     print(f"{'row':24}{'state':16}safe", flush=True)
     bar = progress_bar("run", len(chosen))
     with contextlib.closing(workers(arguments.jobs, None)) as pool, bar:
         for index, problem in pool.results(run_case, chosen):
             case = chosen[index]
-            cell = case.row, case.state
-            done[cell] += 1
-            safe[cell] += not problem
+            done = safe[case.row, case.state]
+            done.append(not problem)
             if problem:
                 bar.write(f"{case.row}, {case.state}, phase {case.phase}: {problem}", sys.stderr)
-            if done[cell] == planned[cell]:
-                bar.write(f"{case.row:24}{case.state:16}{safe[cell]} of {done[cell]}")
+            if len(done) == arguments.phases:
+                bar.write(f"{case.row:24}{case.state:16}{sum(done)} of {len(done)}")
             bar.update()
-    total, good = sum(done.values()), sum(safe.values())
+    total, good = len(chosen), sum(map(sum, safe.values()))
     last = arguments.first + arguments.phases - 1
     print(f"phases {arguments.first} to {last}: {good} of {total} runs as the table promises")
     return 0 if good == total else 1

@@ -64,15 +64,11 @@ class WallPaced:
         self.modes: list[tuple[float, Mode]] = []
         self._truth = ground_truth.GroundTruth()
         self._switch = PowerSwitch(scripted=False, start_timeout=0.0)
-        self._operators = Operators()
-        self._estimator = GuardedEstimator(cores.estimator, round(BRIDGED / self.period))
-        self._controller = GuardedController(cores.controller)
-        self._supervisor = GuardedSupervisor(cores.supervisor)
-        self._in_force = ModeInForce(self.period)
         self._state = RobotState()
-        self._commanded = 0  # tick of the controller's last command
         self._missed = 0
         self.fallen = False
+        for node in (ESTIMATOR, CONTROLLER, SUPERVISOR):
+            self._begin(node, cores)
 
     @property
     def now(self) -> float:
@@ -112,14 +108,16 @@ class WallPaced:
 
     def restart(self, node: str) -> None:
         """Restart a node, without its memory."""
-        cores = self._make()
         self.silent.discard(node)
+        self._begin(node, self._make())
+
+    def _begin(self, node: str, cores: Cores) -> None:
         if node == ESTIMATOR:
             self._estimator = GuardedEstimator(cores.estimator, round(BRIDGED / self.period))
         elif node == CONTROLLER:
             self._controller = GuardedController(cores.controller)
             self._in_force = ModeInForce(self.period)
-            self._commanded = self.plant.seq
+            self._commanded = self.plant.seq  # tick of the last command
         else:
             self._supervisor = GuardedSupervisor(cores.supervisor)
             self._operators = Operators()
