@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -59,10 +59,6 @@ class Budget:
             (stride * index / self.phases, self.first + index % self.seeds)
             for index in range(self.phases)
         ]
-
-
-Trials = Callable[[Budget, float], list[Trial]]
-"""Trials of a level."""
 
 
 @cache

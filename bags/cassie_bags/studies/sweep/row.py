@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cassie_bags.run.provenance import Origin
-from cassie_bags.studies.sweep.course import Budget, Trials
+from cassie_bags.studies.sweep.course import Budget
 from cassie_bags.studies.trial import Measures, Trial
 
 Figure = Callable[[Measures, float], float]
@@ -64,7 +64,7 @@ class Row(Capability):
     """
 
     levels: Sequence[float]
-    trials: Trials
+    trials: Callable[[Budget, float], list[Trial]]
     holds: Callable[[Measures, float], bool] = lambda measures, level: True
     figure: Figure | None = None
     share: float = 1.0

@@ -14,9 +14,6 @@ import numpy as np
 from cassie_bags.bag.rows import FloatArray
 from cassie_bags.errors import ExperimentError
 
-Evaluate = Callable[[Sequence[FloatArray]], Sequence[float]]
-"""Costs of candidates, each an array of coordinates from -1 to 1."""
-
 
 @dataclass(frozen=True)
 class Generation:
@@ -74,19 +71,15 @@ class Search:
         strategy = cma.CMAEvolutionStrategy(np.zeros(size), step, options)
         return Search(strategy)
 
-    def advance(self, evaluate: Evaluate) -> Generation:
-        """Run one generation."""
+    def advance(self, evaluate: Callable[[Sequence[FloatArray]], Sequence[float]]) -> Generation:
+        """Run one generation; `evaluate` gives costs of candidates, of coordinates from -1 to 1."""
         candidates = [np.asarray(candidate) for candidate in self.strategy.ask()]
         costs = list(evaluate(candidates))
         self.strategy.tell(candidates, costs)
-        generation = Generation(
-            len(self.history) + 1,
-            float(np.min(costs)),
-            float(np.median(costs)),
-            float(self.strategy.sigma),
-        )
-        self.history.append(generation)
-        return generation
+        best, middle, step = np.min(costs), np.median(costs), self.strategy.sigma
+        number = len(self.history) + 1
+        self.history.append(Generation(number, float(best), float(middle), float(step)))
+        return self.history[-1]
 
     @property
     def found(self) -> FloatArray:
