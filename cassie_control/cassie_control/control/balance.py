@@ -106,6 +106,10 @@ class Balance:
         """Leg length difference by the desired roll. In m/rad."""
         return 0.0
 
+    def bounded_difference(self, readings: Readings, difference: float) -> float:
+        """Leg length difference, right less left, that regulates the roll; here unbounded. In m."""
+        return difference
+
     def start(self, readings: Readings) -> None:
         """Begin with the robot's present velocity."""
         self._velocity = list(readings.com_velocity[:2])

@@ -40,9 +40,10 @@ class MovingBalance(Balance):
     Feedback of c alone would be 4 times as stiff. The error of c is that found while standing
     before: on moving ground it cannot be distinguished from an acceleration.
 
-    From 2 to 3 m/s the gains become those for fast riding: stiff hips, and a smaller weight shift
-    by sideways velocity (`fast_kd_com_y`). Both feet then stay loaded while the platform rolls and
-    the steering bar presses against the robot's knees.
+    From 2 to 3 m/s the law becomes that for fast riding: stiff hips, a smaller weight shift by
+    sideways velocity (`fast_kd_com_y`), and legs that take the load off no foot to regulate the
+    roll. Both feet then stay loaded while the platform rolls and the steering bar presses against
+    the robot's knees.
 
     Attributes:
         acceleration: Acceleration of the ground, forward and to the left. In m/s^2.
@@ -71,6 +72,27 @@ class MovingBalance(Balance):
     def lean_length(self) -> float:
         """Leg length difference by the desired roll. In m/rad."""
         return self.riding.lean_length
+
+    def bounded_difference(self, readings: Readings, difference: float) -> float:
+        """Leg length difference that takes the load off no foot when bumps come fast.
+
+        With d the difference and d0 that of the legs as they stand, springs bent, the left foot is
+        to carry the share
+
+            left_share - leg_stiffness (d - d0) / (2 W)
+
+        of the weight, which is kept within 0..1. Below `_SLOW_SPEED` d is not bounded: a leg that
+        pushes by more than the weight for a moment helps in turns and after pushes.
+
+        Args:
+            readings: The robot now.
+            difference: Desired difference, right less left. In m.
+        """
+        (_, left_y, left_z), (_, right_y, right_z) = (leg.ankle for leg in readings.legs)
+        present = left_z - right_z - readings.roll * (left_y - right_y)
+        share, per_share = self.left_share, 2.0 * WEIGHT / self.config.leg_stiffness
+        low, high = present - (1.0 - share) * per_share, present + share * per_share
+        return self._by_speed(difference, max(low, min(high, difference)))
 
     def _reset(self) -> None:
         self.acceleration = [0.0, 0.0]
@@ -128,7 +150,7 @@ class MovingBalance(Balance):
         return readings.com_velocity[0], readings.com_velocity[1]
 
     def _by_speed(self, slow: float, fast: float) -> float:
-        """Gain at the present speed, from those of slow and of fast riding."""
+        """Value at the present speed, from those of slow and of fast riding."""
         weight = max(0.0, min(1.0, abs(self.vehicle.speed) - _SLOW_SPEED))
         return slow + weight * (fast - slow)
 

@@ -235,10 +235,11 @@ class StandingController:
         balance.step(readings, mode, com_y, self._contact, leans=lean != 0.0)
         roll = float(mode.roll) - com_y / height
         # Else only while both feet carry: to shorten the leg of a lifted foot would cause rocking.
-        difference = (max(self._contact) if self._landing else both) * (
+        difference = (max(self._contact) if self._landing else both) * balance.bounded_difference(
+            readings,
             self.config.roll_length * (readings.roll - roll)
             + self.config.roll_rate_length * readings.roll_rate
-            - balance.lean_length * roll
+            - balance.lean_length * roll,
         )
         length = self._mean_length(readings, float(mode.height), both)
         self._weight = WEIGHT * (1.0 + self._rise.acceleration / GRAVITY)
