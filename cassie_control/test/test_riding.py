@@ -191,6 +191,24 @@ def test_where_bumps_come_fast_speed_to_a_side_shifts_less_weight():
     assert shifted(-4.0) == pytest.approx(shifted(4.0))
 
 
+@pytest.mark.parametrize("higher", [0.0, 0.03])
+def test_where_bumps_come_fast_legs_differ_until_one_foot_carries_it(higher):
+    """Legs that differ by more would throw it from foot to foot."""
+    pendulum = Pendulum()
+    balance, readings = pendulum.balance, pendulum.readings
+    left, right = readings.legs
+    x, y, z = right.ankle
+    readings.legs = (replace(left, ankle=(x, -y, z + higher)), right)
+    balance.left_share = 0.7
+    weight = 2.0 * WEIGHT / STAND.leg_stiffness
+    bounds = {1.0: 0.7 * weight, 0.01: 0.01, -0.01: -0.01, -1.0: -0.3 * weight}
+    for wanted, permitted in bounds.items():
+        for speed, expected in ((4.0, permitted), (-4.0, permitted), (2.0, wanted)):
+            balance.vehicle.speed = speed
+            difference = balance.bounded_difference(readings, higher + wanted)
+            assert difference == pytest.approx(higher + expected)
+
+
 def test_who_leans_it_at_a_steady_speed_tells_it_that_speed():
     """In one state all the time the ground seems to accelerate: without him it drifts off."""
     leaning = mode_of(height=0.65, com_x=0.01, vx=3.0)
