@@ -190,6 +190,17 @@ def test_a_folder_is_split_by_size(tmp_path: Path, messages):
     assert max(sizes) < 2_000_000
 
 
+def test_a_folder_that_can_have_no_further_file_lists_those_it_has(tmp_path: Path, messages):
+    folder = tmp_path / "walk"
+    writer = FolderWriter(folder, compress=False, max_bytes=500_000)
+    (folder / "walk_1.mcap").write_bytes(b"")  # another program's
+    with pytest.raises(BagError, match=r"walk_1\.mcap exists"):
+        write_messages(writer, messages)
+    writer.close()
+    content = yaml.safe_load((folder / "metadata.yaml").read_text())
+    assert content["rosbag2_bagfile_information"]["relative_file_paths"] == ["walk_0.mcap"]
+
+
 def test_recovery_of_a_folder_saves_each_file(tmp_path: Path, messages):
     folder = tmp_path / "walk"
     writer = FolderWriter(folder, max_duration=900_000_000)

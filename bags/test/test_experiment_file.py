@@ -134,6 +134,10 @@ def test_a_change_that_leads_nowhere_is_refused(file: Path, change: str, reason:
             "duration: 1\nfaults: [{t: 1, channel: battery, kind: of}]",
             "kind = 'of' is not one",
         ),
+        (
+            "duration: 1\nfaults: [{t: 1, duration: 0, channel: battery, kind: 'off'}]",
+            r"faults.0.duration = 0 s is outside 0.0005 \.\. inf s",
+        ),
         ("duration: 1\nmodel: {mas: 1.0}", "model: unknown key mas: did you mean mass"),
         ("duration: 1\ndelays: {torque: 1.0}", r"delays.torque = 1 s is outside 0 \.\. 0.1 s"),
         ("duration: 1\ncontroller: 5", "controller = 5 is not a mapping"),

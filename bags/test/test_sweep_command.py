@@ -38,6 +38,15 @@ def test_the_command_runs_a_row_prints_and_keeps_it(tmp_path: Path):
     assert again.stderr == ""  # nothing was measured anew
 
 
+@pytest.mark.parametrize("option", ["--compare", "--compare-seeds"])
+def test_what_is_about_a_comparison_contradicts_no_comparison(option: str):
+    value = "controller.walk.law=paper" if option == "--compare" else "2"
+    process = sweep("speed.+0", "--no-compare", option, value)
+    assert process.returncode == 2
+    reason = f"--no-compare leaves out what {option} is about: give one"
+    assert process.stderr == f"sweep: error: {reason}\n"
+
+
 def test_rows_are_put_into_a_file_of_results_with_what_they_were_measured_with(tmp_path: Path):
     results = tmp_path / "RESULTS.md"
     results.write_text("# Results\nOf one robot.\n")

@@ -236,7 +236,7 @@ class LateGains:
         0.02, "s", 0.0, 0.1, "Latency at which standing's late gains begin"
     )
     latency_span: float = tunable(
-        0.006, "s", 0.001, 0.1, "Increase of latency over which gains become the late ones"
+        0.006, "s", 0.001, 0.1, "Increase of latency over which the gains change"
     )
     handover: float = tunable(
         0.06, "s", 0.01, 0.2, "Time in which the weight shifts from leg to leg, by the phase"

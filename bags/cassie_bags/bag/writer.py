@@ -247,7 +247,7 @@ class FolderWriter(BagWriter):
         self._metadata: dict[str, Mapping[str, str]] = {}
         self._finished: list[Contents] = []
         self._began: int | None = None  # first log time of the open file
-        super().__init__(self._next_path(), new=True, compress=compress)
+        super().__init__(self._path(0), new=True, compress=compress)
 
     def add_topic(self, topic: str, type_name: str, qos: Qos = QOS_DEFAULT) -> int:
         """See `BagWriter.add_topic`."""
@@ -269,11 +269,12 @@ class FolderWriter(BagWriter):
         super().write(channel, data, log_time, wall_time, lost)
 
     def split(self) -> None:
-        """Continue in a new file."""
+        """Continue in a new file; the present one stays the last one if there can be no other."""
         super().close()
-        self._finished.append(self.contents)
+        finished = self.contents
+        self._open(self._path(len(self._finished) + 1), new=True)
+        self._finished.append(finished)
         self._began = None
-        self._open(self._next_path(), new=True)
         for name, content in self._metadata.items():
             super().add_metadata(name, content)
         for topic, (type_name, qos) in self._declared.items():
@@ -297,5 +298,5 @@ class FolderWriter(BagWriter):
         super().close()
         write_metadata(self._folder, [*self._finished, self.contents])
 
-    def _next_path(self) -> Path:
-        return self._folder / f"{self._folder.resolve().name}_{len(self._finished)}.mcap"
+    def _path(self, number: int) -> Path:
+        return self._folder / f"{self._folder.resolve().name}_{number}.mcap"

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
 from cassie_bags.cli.arguments import CommandParser, count, positive, seconds
 from cassie_bags.cli.frame import command, exit_codes, study
+from cassie_bags.errors import ExperimentError
 from cassie_bags.studies.trial import SEEDS
 
 
@@ -64,7 +66,15 @@ def _add_comparison(parser: CommandParser) -> None:
     parser.flag("--no-compare", "measure without a comparison")
 
 
-main = command(_parser, study("sweep.measure"))
+def _run(arguments: argparse.Namespace) -> int:
+    for name in ("compare", "compare_seeds"):
+        if arguments.no_compare and getattr(arguments, name) is not None:
+            option = f"--{name.replace('_', '-')}"
+            raise ExperimentError(f"--no-compare leaves out what {option} is about: give one")
+    return study("sweep.measure")(arguments)
+
+
+main = command(_parser, _run)
 
 if __name__ == "__main__":
     sys.exit(main())

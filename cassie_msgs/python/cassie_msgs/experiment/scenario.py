@@ -162,7 +162,7 @@ class SensorFault:
     """A sensor channel that fails for a limited time."""
 
     t: float = tunable(dataclasses.MISSING, "s", 0.0, None, "Time at which the fault begins")
-    duration: float = tunable(1e9, "s", 0.0, None, "Duration of the fault")
+    duration: float = tunable(1e9, "s", 0.0005, None, "Duration of the fault")
     channel: str = tunable(
         dataclasses.MISSING, description="Field of Sensors, with an index: drive_position.3"
     )
