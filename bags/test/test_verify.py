@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
+from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 from synthetic import TICK_NS
 
@@ -154,6 +155,22 @@ def test_a_message_that_is_missing_is_named_and_nothing_is_compared_after_it(
     assert found.differences == []
 
 
+@pytest.mark.parametrize("chunk", [2, 4, 6])
+def test_a_damaged_chunk_is_a_gap_of_each_node_and_no_difference(
+    bag: Path, tmp_path: Path, chunk: int
+):
+    with bag.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    damaged, content = summary.chunk_indexes[chunk], bytearray(bag.read_bytes())
+    content[damaged.chunk_start_offset + damaged.chunk_length // 2] ^= 4
+    (tmp_path / "bag.mcap").write_bytes(content)
+    found = verify(tmp_path / "bag.mcap")
+    assert found.differences == []
+    assert found.compared > 400
+    assert {gap.partition(":")[0] for gap in found.gaps} == set(SECTIONS)
+
+
 def test_a_node_that_was_silent_is_named_with_the_ticks_that_it_did_not_answer(
     bag: Path, tmp_path: Path
 ):
@@ -231,6 +248,8 @@ def test_a_picture_is_refused_before_any_work_and_never_over_a_file(
         (["--with", "controller.walk.nothing=1"], "walk.nothing"),
         (["--with", "controller.walk.joints.kp_knee=-1"], "kp_knee = -1"),
         (["--gaits", "/nowhere.json"], "/nowhere.json"),
+        (["--with", "controller=5"], "controller = 5 is not a mapping"),
+        (["--with", "supervisor=[]"], "supervisor = [] is not a mapping"),
     ],
 )
 def test_what_cannot_be_replayed_is_one_line(

@@ -436,12 +436,11 @@ class _NodeReplay:
                 continue  # a repeated answer
             processed.add(raw)
             try:
-                if lane.has_events:
-                    fresh = self._core is None or any(event.event == "began" for event in due)
-                    first = key[1] if fresh else _first_answered(previous, before, self._step)
-                    self._apply(due, key, first)
-                elif new_episode and key[1] == 0:
+                fresh = self._core is None or any(event.event == "began" for event in due)
+                if not lane.has_events and new_episode and key[1] == 0:
                     self._core = self._start(lane.setting(self._node))
+                first = key[1] if fresh else _first_answered(previous, before, self._step)
+                self._apply(due, key, first)
                 answer = self._answer(key, raw, received)
             except MissingInputError as error:
                 self.gaps.append(f"{self._node}: {error}; followed again from its next start")
@@ -548,6 +547,9 @@ def _sections(changes: Iterable[str]) -> dict[str, dict[str, Any]]:
     for section in content.keys() - set(SECTIONS.values()):
         known = ", ".join(SECTIONS.values())
         raise ExperimentError(f"{section} is not replayed: parameters are of {known}")
+    for section, values in content.items():
+        if not isinstance(values, dict):
+            raise ExperimentError(f"{section} = {values!r} is not a mapping")
     return {section: flat(values, section) for section, values in content.items()}
 
 

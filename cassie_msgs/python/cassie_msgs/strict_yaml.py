@@ -1,7 +1,8 @@
 """Strict YAML reader with bounded memory, for every file that people write.
 
 It is stricter than YAML itself: a key may be given once. Aliases (`*name`) and merge keys (`<<`)
-are refused, as a small file with them can expand to any size. `1e3` is a number.
+are refused, as a small file with them can expand to any size; so are tags (`!!int`). Numbers are
+decimal as in YAML 1.2: `1e3` and `010` are 1000 and 10, `1:30` and `1_000` are words.
 """
 
 from __future__ import annotations
@@ -35,9 +36,13 @@ class _StrictLoader(yaml.SafeLoader):
         self.nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+        event = self.peek_event()  # type: ignore[no-untyped-call]
+        mark = event.start_mark
         if self.check_event(yaml.AliasEvent):
             raise _refusal("aliases (*name) are not read: write the value out", mark)
+        if event.tag is not None:
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            raise _refusal(f"tags ({tag}) are not read: write the value alone", mark)
         self.nodes += 1
         if self.nodes > MOST_NODES:
             raise _refusal(f"it holds more than {MOST_NODES} keys and values", mark)
@@ -65,12 +70,24 @@ def _refusal(problem: str, mark: Any) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
 
 
+def _whole_number(loader: _StrictLoader, node: yaml.ScalarNode) -> int:
+    return int(loader.construct_scalar(node))
+
+
+_INT, _FLOAT = (f"tag:yaml.org,2002:{kind}" for kind in ("int", "float"))
+_NUMBERS = {
+    _INT: r"[-+]?\d+",
+    _FLOAT: r"[-+]?((\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|\.(inf|Inf|INF))|\.(nan|NaN|NAN)",
+}
+
 _StrictLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
-_StrictLoader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
-    list("-+.0123456789"),
-)
+_StrictLoader.add_constructor(_INT, _whole_number)
+_StrictLoader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in resolvers if tag not in _NUMBERS]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+for _tag, _pattern in _NUMBERS.items():
+    _StrictLoader.add_implicit_resolver(_tag, re.compile(f"^({_pattern})$"), list("-+.0123456789"))
 
 
 def read_yaml(path: Path) -> Any:
@@ -93,8 +110,8 @@ def parse_yaml(text: str, name: str) -> Any:
     """The content of a text in YAML; `name` names the file in messages.
 
     Raises:
-        YamlError: if the text is not YAML, gives a key twice, has an alias or a merge key, has more
-            than `MOST_NODES` nodes, or is nested too deeply.
+        YamlError: if the text is not YAML, gives a key twice, has an alias, a merge key or a tag,
+            has more than `MOST_NODES` nodes, or is nested too deeply.
     """
     try:
         return yaml.load(text, _StrictLoader)
