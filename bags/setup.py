@@ -35,6 +35,7 @@ setup(
         "mujoco",
         "numpy",
         "pillow",
+        "pyarrow",
         "PyYAML",
         "rosbags",
         "tqdm",
@@ -42,7 +43,6 @@ setup(
     ],
     extras_require={
         "lz4": ["lz4==4.4.5"],
-        "parquet": ["pyarrow==26.0.1"],
         "test": ["pytest", "pytest-timeout"],
     },
     entry_points={

@@ -57,7 +57,7 @@ SUPPLIERS = {
     "pinocchio": Supplier("pinocchio", "pin"),
     "playwright": Supplier("", "playwright"),
     "pygame": Supplier("python3-pygame", "pygame"),
-    "pyarrow": Supplier("", ""),  # the extra `parquet`
+    "pyarrow": Supplier("", "pyarrow"),
     "pytest": Supplier("python3-pytest", "pytest"),
     "rosbags": Supplier("python3-rosbags-pip", "rosbags"),
     "scipy": Supplier("python3-scipy", "scipy"),
