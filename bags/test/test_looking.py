@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.records import Channel, Schema
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
@@ -29,8 +30,14 @@ from cassie_bags.bag.export import export
 from cassie_bags.bag.fields import FIELDS
 from cassie_bags.bag.node_events import EVENTS_TOPIC
 from cassie_bags.bag.output import new_files
-from cassie_bags.bag.reader import read_messages, unknown_topic
-from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
+from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
+from cassie_bags.bag.recording import (
+    GROUND_TRUTH_TOPIC,
+    TYPES,
+    from_messages,
+    layout_problem,
+    read_recording,
+)
 from cassie_bags.bag.rosbag2 import QOS_LANE
 from cassie_bags.bag.summary import (
     DIAGNOSTICS_TOPIC,
@@ -419,6 +426,114 @@ def test_a_layout_of_another_version_is_read_by_its_definition(tmp_path: Path):
         writer.write(channel, sample.to_bytes()[:44], 0, 0)
     table = read_tables(path)[MotorCommand.TOPIC]
     assert table.fields["torque.1"].tolist() == [-2.0]
+
+
+def write_defined(path: Path, channels: list[tuple[str, str, str, list[bytes]]]) -> None:
+    """A bag with a channel for each topic, type, definition and list of messages."""
+    with path.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start(profile="ros2")
+        for topic, kind, text, list_ in channels:
+            schema = writer.register_schema(kind, "ros2msg", text.encode())
+            channel = writer.register_channel(topic, "cdr", schema)
+            for tick, raw in enumerate(list_):
+                writer.add_message(channel, tick * TICK_NS, raw, tick * TICK_NS)
+        writer.finish()
+
+
+PAIR = b"\0\1\0\0\1\0\0\0\2\0\0\0"
+
+
+def test_each_topic_is_read_by_its_own_definition(tmp_path: Path):
+    path = tmp_path / "two.mcap"
+    texts = {"/a": "int32 x\nint32 y\n", "/b": "int32 y\nint32 x\n"}
+    write_defined(path, [(topic, "my/msg/Pair", text, [PAIR]) for topic, text in texts.items()])
+    tables = read_tables(path)
+    assert [int(tables["/a"].fields[name][0]) for name in "xy"] == [1, 2]
+    assert [int(tables["/b"].fields[name][0]) for name in "xy"] == [2, 1]
+
+
+@pytest.mark.parametrize(
+    "other", ["int32  x # a comment\n\nuint8 C=1\nint32 y", "int32 y\nint32 x"]
+)
+def test_a_topic_with_two_definitions_is_refused_unless_their_fields_are_the_same(
+    tmp_path: Path, other: str
+):
+    path = tmp_path / "two.mcap"
+    texts = ["int32 x\nint32 y\n", other]
+    write_defined(path, [("/a", "my/msg/Pair", text, [PAIR]) for text in texts])
+    if "comment" in other:
+        assert read_tables(path)["/a"].fields["x"].tolist() == [1, 1]
+    else:
+        with pytest.raises(BagError, match=r"the bag has two definitions of my/msg/Pair for it"):
+            read_tables(path)
+
+
+@pytest.mark.parametrize("kind", sorted(set(TYPES.values())))
+def test_installed_definitions_have_the_fields_by_which_bags_are_read_fast(kind: str):
+    index, topic = BagIndex(), next(topic for topic in TYPES if TYPES[topic] == kind)
+    text = definition(kind)
+    for variant in (text, re.sub(r"#.*|(?<= ) +", "", text)):
+        schema = Schema(data=variant.encode(), encoding="ros2msg", id=1, name=kind)
+        index.add_channel(0, Channel(1, topic, "cdr", {}, 1), schema, used=False)
+        assert layout_problem(topic, index) == ""
+
+
+def mode_of(vx: float, vy: float) -> bytes:
+    sample = Mode()
+    sample.vx[...], sample.vy[...] = vx, vy
+    return sample.to_bytes()
+
+
+@pytest.mark.parametrize("other", ["fields", "type", "big endian", "XCDR2"])
+def test_messages_of_the_control_lane_are_read_as_the_bag_defines_them(tmp_path: Path, other: str):
+    """Also where they have the size of this version's message."""
+    path, raw, kind, text = (
+        tmp_path / "bag.mcap",
+        mode_of(0.5, -0.25),
+        Mode.TYPE,
+        definition(Mode.TYPE),
+    )
+    reason = "the bag's cassie_msgs/msg/Mode has float64 vy where this version has float64 vx"
+    if other == "fields":
+        lines = [
+            line for line in text.splitlines() if line.startswith(("float64 vx", "float64 vy"))
+        ]
+        text = text.replace("\n".join(lines), "\n".join(reversed(lines)))
+    elif other == "type":
+        kind = "other_msgs/msg/Thing"
+        reason = f"the bag names the message type {kind}, not {Mode.TYPE}"
+    elif other == "big endian":
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text, kind))
+        message = store.deserialize_cdr(raw, kind)
+        raw = bytes(store.serialize_cdr(message, kind, little_endian=False))
+        reason = "cassie_msgs/msg/Mode in encoding 0000, not 0001"
+    else:
+        raw = b"\0\7" + raw[2:]
+        reason = "cassie_msgs/msg/Mode in encoding 0007, not 0001"
+    write_defined(path, [(Mode.TOPIC, kind, text, [raw])])
+    for look in (read_recording, summarize):
+        with pytest.raises(BagError, match=re.escape(reason)):
+            look(path)
+    if other == "XCDR2":
+        with pytest.raises(BagError, match="encoding 0007, not 0000 or 0001"):
+            read_tables(path)
+        return
+    fields = read_tables(path)[Mode.TOPIC].fields
+    swapped = other == "fields"
+    assert fields["vx"].tolist() == [-0.25 if swapped else 0.5]
+    assert fields["vy"].tolist() == [0.5 if swapped else -0.25]
+
+
+def test_a_definition_that_damage_changed_is_replaced_by_its_copy(tmp_path: Path, bag: Path):
+    """Between chunks it has no checksum of its own."""
+    content = bag.read_bytes()
+    place = content.index(b"float64[20] q")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[:place] + b"float32" + content[place + 7 :])
+    assert len(read_recording(path).rows(RobotState)) == 1000
+    assert read_tables(path)[RobotState.TOPIC].fields["q"].shape == (1000, 20)
 
 
 def test_times_are_the_nearest_numbers_to_those_of_the_clock():

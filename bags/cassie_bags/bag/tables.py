@@ -13,7 +13,7 @@ from mcap.records import Schema
 
 from cassie_bags.bag.fields import FIELDS, Field, standard_field
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
-from cassie_bags.bag.recording import TYPES, rows_of
+from cassie_bags.bag.recording import TYPES, require_layouts, rows_of
 from cassie_bags.bag.rows import FloatArray, IntArray, Rows
 from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
@@ -56,8 +56,8 @@ class Table:
 
     def field(self, name: str) -> Field:
         """Unit and meaning of a field."""
-        known = TIMES.get(name) or FIELDS.get(self.topic, {}).get(name)
-        return known or standard_field(self.type, name)
+        own = FIELDS.get(self.topic, {}) if self.type == TYPES.get(self.topic) else {}
+        return TIMES.get(name) or own.get(name) or standard_field(self.type, name)
 
     def unit(self, column: str) -> str:
         """Unit of a column."""
@@ -201,13 +201,14 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
     raw = [data for _, _, data in messages]
     log_time = _integers([time for time, _, _ in messages])
     publish_time = _integers([time for _, time, _ in messages])
-    rows = _known_rows(topic, raw)
+    rows = _known_rows(topic, raw, index)
     if rows is not None:
         names = rows.dtype.names or ()
         return Table(topic, kind, log_time, publish_time, {name: rows[name] for name in names})
-    if (encoding := index.schemas[kind].encoding) not in ("ros2msg", ""):
-        raise BagError(f"the definition of {kind} is written in {encoding}, not in ros2msg")
-    fields, left_out = _decoded(index.schemas[kind], raw)
+    schema = index.definitions[topic]
+    if schema.encoding not in ("ros2msg", ""):
+        raise BagError(f"the definition of {kind} is written in {schema.encoding}, not in ros2msg")
+    fields, left_out = _decoded(schema, raw)
     return Table(topic, kind, log_time, publish_time, fields, left_out)
 
 
@@ -221,9 +222,10 @@ def _integers(values: list[int]) -> Integers:
     return np.array(values, np.uint64)
 
 
-def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
-    """Rows of our own topics; None for other topics, and for a layout of another version."""
+def _known_rows(topic: str, raw: list[bytes], index: BagIndex) -> Rows | None:
+    """Rows of our own topics; None for other topics, definitions and encodings."""
     try:
+        require_layouts([topic], index)
         return rows_of(topic, raw) if topic in TYPES else None
     except BagError:
         return None
@@ -241,6 +243,8 @@ def decode(schema: Schema, raw: Collection[bytes]) -> Iterator[Any]:
         store = get_typestore(Stores.EMPTY)
         store.register(get_types_from_msg(schema.data.decode("utf-8", "replace"), schema.name))
         for data in raw:
+            if data[:2] not in (b"\0\0", b"\0\1"):
+                raise BagError(f"encoding {data[:2].hex()}, not 0000 or 0001 (plain CDR)")
             yield store.deserialize_cdr(data, schema.name)
     except Exception as error:  # rosbags raises whatever its generated code does
         reason = " ".join(str(error).split()) or type(error).__name__
