@@ -536,6 +536,28 @@ def test_a_definition_that_damage_changed_is_replaced_by_its_copy(tmp_path: Path
     assert read_tables(path)[RobotState.TOPIC].fields["q"].shape == (1000, 20)
 
 
+def test_one_long_word_does_not_lengthen_all_others(tmp_path: Path):
+    """3000 words, each as long as the longest, would take 22 GiB."""
+    path, long = tmp_path / "words.mcap", "x" * 2_000_000
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/word", "std_msgs/msg/String")
+        for tick, word in enumerate(["short"] * 3000 + [long]):
+            raw = b"\0\1\0\0" + (len(word) + 1).to_bytes(4, "little") + word.encode() + b"\0"
+            writer.write(channel, raw, tick, tick)
+    table = read_tables(path)["/word"]
+    assert table.fields["data"].tolist()[-2:] == ["short", long]
+    for form in ("csv", "npz"):
+        done = command("export", path, "--format", form, "-o", tmp_path / form)
+        assert done.returncode == 0, done.stderr
+        left_out = ["export: /word: data is too long, left out"] if form == "npz" else []
+        assert done.stderr.splitlines() == left_out
+    with (tmp_path / "csv" / "word.csv").open(newline="") as stream:
+        csv.field_size_limit(len(long))
+        assert [len(row["data"]) for row in csv.DictReader(stream)][-2:] == [5, len(long)]
+    with np.load(tmp_path / "npz" / "word.npz") as content:
+        assert set(content) == {"time", "log_time", "publish_time"}
+
+
 def test_times_are_the_nearest_numbers_to_those_of_the_clock():
     times = np.array([18_000_000, 10**18, 1_700_000_000_018_000_000])
     table = Table("/topic", "a/msg/B", times, times, {})

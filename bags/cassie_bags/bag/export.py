@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,33 @@ from cassie_bags.errors import BagError
 UNITS = "fields.csv"
 """Name of the file with topic, column, unit and meaning of every column."""
 
+_LARGEST_WORDS = 1 << 28  # bytes of a field's words in an npz file, where all are equally long
+_CHARACTER = np.dtype("U1").itemsize
+
+
+def fitting(table: Table, form: str) -> Table:
+    """A table without fields that are too long for a file format, which `left_out` names.
+
+    Args:
+        table: Messages of one topic.
+        form: File format, one of `FORMATS`.
+    """
+    if form != "npz":
+        return table
+    long = [
+        name
+        for name, values in table.fields.items()
+        if values.dtype == np.object_
+        and len(values) * max(map(len, values)) * _CHARACTER > _LARGEST_WORDS
+    ]
+    fields = {name: values for name, values in table.fields.items() if name not in long}
+    return replace(table, fields=fields, left_out=(*table.left_out, *long))
+
 
 def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
     """Write each topic into a file of its own, and `UNITS`; if one fails, none stays.
+
+    Fields that are too long for the format are left out; see `fitting`.
 
     Args:
         tables: Tables by topic.
@@ -33,6 +58,7 @@ def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
             cannot be written; if the library for `form` is not installed.
     """
     write = FORMATS[form]
+    tables = {topic: fitting(table, form) for topic, table in tables.items()}
     if form == "parquet":
         _pyarrow()
     files = [folder / f"{stem}.{form}" for stem in _file_stems(tables)]
@@ -71,7 +97,11 @@ def _write_csv(table: Table, path: Path) -> None:
 
 def _write_npz(table: Table, path: Path) -> None:
     times = {name: table.columns()[name] for name in TIMES}
-    np.savez_compressed(path, allow_pickle=False, **times, **table.fields)
+    fields = {
+        name: values.astype(np.str_) if values.dtype == np.object_ else values
+        for name, values in table.fields.items()
+    }
+    np.savez_compressed(path, allow_pickle=False, **times, **fields)
 
 
 def _write_parquet(table: Table, path: Path) -> None:
@@ -79,10 +109,11 @@ def _write_parquet(table: Table, path: Path) -> None:
     columns = table.columns()
     fields = []
     for name, values in columns.items():
-        array_type = pa.string() if values.dtype.kind == "U" else pa.from_numpy_dtype(values.dtype)
+        words = values.dtype == np.object_
+        array_type = pa.string() if words else pa.from_numpy_dtype(values.dtype)
         fields.append(pa.field(name, array_type, metadata={"unit": table.unit(name)}))
     arrays = [
-        pa.array(values.tolist() if values.dtype.kind == "U" else np.ascontiguousarray(values))
+        pa.array(values.tolist() if values.dtype == np.object_ else np.ascontiguousarray(values))
         for values in columns.values()
     ]
     about = {"topic": table.topic, "type": table.type}

@@ -42,9 +42,9 @@ class Table:
         topic, type: Name of the topic, and its message type.
         log_time, publish_time: Times of each message. Shape (n,), int64, in ns; uint64 if one of
             them does not fit into int64.
-        fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
-            entry that a message does not have is NaN or empty.
-        left_out: Names of fields that are longer than `MAX_ENTRIES`.
+        fields: Arrays of numbers, or of words (`str` as objects), by dotted name of the field.
+            Shape (n,) or (n, k). An entry that a message does not have is NaN or empty.
+        left_out: Names of fields that are too long.
     """
 
     topic: str
@@ -292,7 +292,8 @@ def _sized(value: Any) -> Any:
 def _column(values: list[Any]) -> Array:
     """A field's values in all messages as one array; None where a message lacks the field."""
     if any(isinstance(value, str) for value in values):
-        return np.array(["" if value is None else value for value in values], dtype=np.str_)
+        # As objects: in an array of words, each would take the space of the longest.
+        return np.array(["" if value is None else value for value in values], dtype=np.object_)
     if any(value is None for value in values):
         return np.array([np.nan if value is None else value for value in values], np.float64)
     if all(type(value) is int for value in values):
