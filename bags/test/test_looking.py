@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
@@ -21,6 +22,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from synthetic import TICK_NS, glide, glide_messages, standing_height
 from test_bag import write_bag, write_messages
 from test_commands import play
+from test_damaged_bags import parts
 
 from cassie_bags.bag import fields
 from cassie_bags.bag.comparison import Difference, compare_recordings
@@ -556,6 +558,68 @@ def test_one_long_word_does_not_lengthen_all_others(tmp_path: Path):
         assert [len(row["data"]) for row in csv.DictReader(stream)][-2:] == [5, len(long)]
     with np.load(tmp_path / "npz" / "word.npz") as content:
         assert set(content) == {"time", "log_time", "publish_time"}
+
+
+def test_joints_of_the_same_name_are_numbered(tmp_path: Path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind, none = "sensor_msgs/msg/JointState", np.zeros(0)
+    stamp = store.types["builtin_interfaces/msg/Time"](1, 5)
+    header = store.types["std_msgs/msg/Header"](stamp, "base")
+    path = tmp_path / "joints.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/joint_states", kind)
+        joints = store.types[kind](header, ["a", "a"], np.array([1.0, 2.0]), none, none)
+        writer.write(channel, bytes(store.serialize_cdr(joints, kind)), 1, 1)
+    found = read_tables(path)["/joint_states"].fields
+    assert [found[f"position.{index}"].tolist() for index in (0, 1)] == [[1.0], [2.0]]
+    assert not {name for name in found if "position" in name} - {"position.0", "position.1"}
+
+
+def test_a_field_with_a_reserved_name_replaces_no_other(tmp_path: Path):
+    path = tmp_path / "names.mcap"
+    text = f"int32 time\nmy/Inner message\n{'=' * 80}\nMSG: my/Inner\nint32 time\n"
+    write_defined(path, [("/a", "my/msg/Outer", text, [PAIR])])
+    fields = read_tables(path)["/a"].fields
+    assert {name: values.tolist() for name, values in fields.items()} == {
+        "message.message.time": [1],
+        "message.time": [2],
+    }
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        ("export", ("BAG", "--topics", Mode.TOPIC)),
+        ("plot", ("BAG",)),
+        ("plot", ("BAG", "mode.vx")),
+        ("compare", ("BAG", "BAG")),
+    ],
+)
+def test_a_bag_that_is_not_whole_is_used_and_said_to_be_damaged(
+    tmp_path: Path, bag: Path, verb: str, words
+):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
+    output = {"export": "out", "plot": "out.png"}.get(verb)
+    more = ["-o", tmp_path / output] if output else []
+    done = command(verb, *[cut if word == "BAG" else word for word in words], *more)
+    assert done.returncode == 0, done.stderr
+    said = command("info", cut).stdout.splitlines()[1].partition(", ")[2]
+    assert re.fullmatch(r"damaged or not closed: \d+ bytes could not be read; see recover", said)
+    assert done.stderr.splitlines() == [f"{verb}: {cut} is {said}"] * words.count("BAG")
+
+
+def test_of_a_damaged_bag_the_missing_messages_are_counted(tmp_path: Path, bag: Path):
+    content = bytearray(bag.read_bytes())
+    chunks = [part for part in parts(bag) if part[0] == Opcode.CHUNK]
+    content[chunks[3][2] - 50] ^= 4
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    lost = chunks[3][2] - chunks[3][1]
+    index = BagIndex()
+    read_tables(path, [RobotState.TOPIC], None, index)
+    expected = f"{lost} bytes could not be read, 100 messages between the others are missing"
+    assert index.damage == f"damaged or not closed: {expected}; see recover"
 
 
 def test_times_are_the_nearest_numbers_to_those_of_the_clock():

@@ -65,6 +65,20 @@ class BagIndex:
             self._topics = None
 
     @property
+    def damage(self) -> str:
+        """What is wrong with the bag and what it lacks, to go on from "it is"; empty if nothing.
+
+        Known once the bag has been read. Missing messages are those of the topics that were read.
+        """
+        if self.complete:
+            return ""
+        lost, missing = self.lost_bytes, sum(self.lost.values())
+        words = [f"{lost} bytes could not be read"] if lost else []
+        words += [f"{missing} messages between the others are missing"] if missing else []
+        state = "damaged or not closed" if lost else "not closed"
+        return f"{': '.join(filter(None, [state, ', '.join(words)]))}; see recover"
+
+    @property
     def types(self) -> dict[str, list[str]]:
         """Message types by topic, in the order of their appearance.
 

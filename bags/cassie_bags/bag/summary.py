@@ -99,6 +99,7 @@ class Summary:
         size: Size of all files. In bytes.
         complete: Whether each file was closed properly and nothing in it is damaged.
         lost_bytes: Number of bytes that could not be read.
+        damage: What is wrong with the bag; see `BagIndex`.
         duration: Robot time from the first message of the run to the last, or of all messages
             where there is no run. In s.
         wall_time: Wall time from the first sensor sample to the last, or of all messages where
@@ -121,6 +122,7 @@ class Summary:
     size: int
     complete: bool
     lost_bytes: int
+    damage: str
     duration: float
     wall_time: float
     topics: Sequence[TopicSummary]
@@ -181,6 +183,7 @@ def summarize(bag: Path | str) -> Summary:
         size=sum(file.stat().st_size for file in files),
         complete=index.complete,
         lost_bytes=index.lost_bytes,
+        damage=index.damage,
         duration=(last - first) * 1e-9,
         wall_time=wall if walls else (last_wall - first_wall) * 1e-9,
         topics=[

@@ -92,6 +92,7 @@ def read_tables(
     bag: Path | str,
     topics: Collection[str] | None = None,
     unreadable: dict[str, str] | None = None,
+    index: BagIndex | None = None,
 ) -> dict[str, Table]:
     """Tables by topic, in the order of their names.
 
@@ -100,12 +101,13 @@ def read_tables(
         topics: Topics that are read; None for all.
         unreadable: Gets the reason for each topic whose messages cannot be read, which has no
             table then; if None, such a topic is an error.
+        index: Gets types and damage of the bag.
 
     Raises:
         BagError: if the bag cannot be read, or lacks a topic (the message names the nearest one);
             if a topic cannot be read and `unreadable` is None.
     """
-    index = BagIndex()
+    index = BagIndex() if index is None else index
     messages: dict[str, list[tuple[int, int, bytes]]] = {}
     for topic, log_time, wall_time, data in read_messages(bag, topics, index):
         messages.setdefault(topic, []).append((log_time, wall_time, data))
@@ -255,21 +257,26 @@ def _decoded(schema: Schema, raw: list[bytes]) -> tuple[dict[str, Array], tuple[
     left_out: dict[str, None] = {}
     rows = [dict(_flat(message, "", left_out)) for message in decode(schema, raw)]
     names = dict.fromkeys(name for row in rows for name in row)
-    fields = {
-        f"message.{name}" if name in _RESERVED else name: _column([row.get(name) for row in rows])
-        for name in names
-    }
+    fields = {}
+    for name in names:
+        free = name
+        while free in _RESERVED or (free != name and free in names):
+            free = f"message.{free}"
+        fields[free] = _column([row.get(name) for row in rows])
     return fields, tuple(left_out)
 
 
 def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[str, Any]]:
-    """Numbers and words of a message by dotted name; entries of JointState by joint name."""
+    """Numbers and words of a message by dotted name; entries of JointState by joint name.
+
+    Where two joints have the same name, their entries are numbered.
+    """
     if hasattr(value, "__msgtype__"):
         names = (field.name for field in fields(value) if field.default is MISSING)  # no constants
         entries = {key: getattr(value, key) for key in names}
         joints = entries.pop("name") if value.__msgtype__ == "sensor_msgs/msg/JointState" else None
         for key, entry in entries.items():
-            if joints and len(joints) == len(_sized(entry)):
+            if joints and len(set(joints)) == len(joints) == len(_sized(entry)):
                 entry = dict(zip(joints, entry, strict=True))
             yield from _flat(entry, f"{name}.{key}" if name else key, left_out)
     elif isinstance(value, dict):

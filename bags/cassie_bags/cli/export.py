@@ -29,12 +29,16 @@ def _parser() -> CommandParser:
 
 def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.bag.export import export, fitting
+    from cassie_bags.bag.reader import BagIndex
     from cassie_bags.bag.tables import read_tables
     from cassie_bags.errors import BagError
 
     folder = arguments.output or Path(f"{stem(arguments.bag)}_{arguments.format}")
     unreadable: dict[str, str] = {}
-    tables = read_tables(arguments.bag, arguments.topics, unreadable)
+    index = BagIndex()
+    tables = read_tables(arguments.bag, arguments.topics, unreadable, index)
+    if index.damage:
+        print(f"export: {arguments.bag} is {index.damage}", file=sys.stderr)
     for topic, reason in unreadable.items():
         print(f"export: {topic} is left out: {reason}", file=sys.stderr)
     if not tables:
