@@ -11,6 +11,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
 from mcap.opcode import Opcode
@@ -53,6 +54,7 @@ from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import report
 from cassie_bags.errors import BagError
 from cassie_bags.report.figures import EVENT_COLOURS
+from cassie_bags.report.plots import save_curves
 from cassie_bags.report.view import events_of_bag
 from cassie_bags.signals.falls import falls
 from cassie_control.estimator import channels
@@ -698,13 +700,27 @@ def test_topics_that_cannot_be_read_are_named_and_the_others_are_exported(tmp_pa
         assert [row["data"] for row in csv.DictReader(stream)] == ["hi"]
 
 
-def test_topics_whose_files_would_have_the_same_name_are_all_exported(tmp_path: Path):
-    path, out = tmp_path / "alike.mcap", tmp_path / "out"
-    write_mixed_bag(path, {"/a/b": "cdr", "/a_b": "cdr", "/c/d": "cdr"})
-    done = command("export", path, "-o", out)
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_every_topic_has_a_file_of_its_own_whatever_its_name(tmp_path: Path, form: str):
+    path, out = tmp_path / "names.mcap", tmp_path / "out"
+    plain = {"/c/d": "c_d", "/a__b": "a__b", "/.hidden": "_hidden", "/a\nb": "a_b"}
+    odd = ["/fields", "/", "", "/a/b", "/a_b", "/A", "/a", "/" + "l" * 300, "/" + "l" * 301, "/é\0"]
+    odd.append("/a_b_662b7b62")  # the digits of /a/b
+    write_mixed_bag(path, dict.fromkeys([*plain, *odd], "cdr"))
+    done = command("export", path, "-o", out, "--format", form)
     assert done.returncode == 0, done.stderr
-    written = sorted(file.name for file in out.iterdir())
-    assert written == ["a__b.csv", "a_b.csv", "c_d.csv", "fields.csv"]
+    with (out / "fields.csv").open(newline="") as stream:
+        file_of = {row["topic"]: row["file"] for row in csv.DictReader(stream)}
+    assert sorted(file_of) == sorted([*plain, *odd])
+    assert len(set(map(str.lower, file_of.values()))) == len(file_of)
+    assert {file.name for file in out.iterdir()} == {*file_of.values(), "fields.csv"}
+    assert all(re.fullmatch(rf"[\w-]+\.{form}", name, re.ASCII) for name in file_of.values())
+    assert [file_of[topic] for topic in ("/c/d", "/a__b", "/.hidden")] == [
+        f"{plain[topic]}.{form}" for topic in ("/c/d", "/a__b", "/.hidden")
+    ]
+    assert re.fullmatch(rf"a_b_[0-9a-f]{{8}}\.{form}", file_of["/a/b"])
+    command("export", path, "-o", tmp_path / "one", "--format", form, "--topics", "/fields")
+    assert (tmp_path / "one" / file_of["/fields"]).is_file()
 
 
 def test_a_bag_of_which_no_topic_can_be_read_is_not_exported(tmp_path: Path):
@@ -1039,6 +1055,19 @@ def test_plots_are_drawn_and_never_over_a_file(tmp_path: Path, bag: Path):
         before = path.read_bytes()
         assert command("plot", bag, *words, "-o", path).returncode == 2
         assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("values", [[1e308, -1e308], [1e308, 1e308], [1.0, 2.0, np.inf, -1e301]])
+def test_numbers_beyond_any_axis_are_counted_and_not_drawn(tmp_path: Path, values: list[float]):
+    path = tmp_path / "large.mcap"
+    raw = [b"\0\1\0\0" + np.float64(value).tobytes() for value in values]
+    write_defined(path, [("/x", "std_msgs/msg/Float64", "float64 data\n", raw)])
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        (curve,) = read_curves(path, ["x.data"])
+        save_curves([curve], [], [], "large", tmp_path / "large.svg")
+    assert "/x.data, without 2 values beyond 1e+300" in (tmp_path / "large.svg").read_text()
+    done = command("plot", path, "x.data", "-o", tmp_path / "large.png")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_plots_of_fields_mark_what_happened(tmp_path: Path, bag: Path):
