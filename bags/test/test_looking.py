@@ -11,8 +11,11 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import matplotlib
 import numpy as np
 import pytest
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Rosbag2Writer
@@ -20,6 +23,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from synthetic import TICK_NS, glide, glide_messages, standing_height
 from test_bag import write_bag, write_messages
 from test_commands import play
+from test_damaged_bags import parts
 
 from cassie_bags.bag import fields
 from cassie_bags.bag.comparison import Difference, compare_recordings
@@ -29,8 +33,14 @@ from cassie_bags.bag.export import export
 from cassie_bags.bag.fields import FIELDS
 from cassie_bags.bag.node_events import EVENTS_TOPIC
 from cassie_bags.bag.output import new_files
-from cassie_bags.bag.reader import read_messages, unknown_topic
-from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, TYPES, from_messages, read_recording
+from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
+from cassie_bags.bag.recording import (
+    GROUND_TRUTH_TOPIC,
+    TYPES,
+    from_messages,
+    layout_problem,
+    read_recording,
+)
 from cassie_bags.bag.rosbag2 import QOS_LANE
 from cassie_bags.bag.summary import (
     DIAGNOSTICS_TOPIC,
@@ -44,6 +54,7 @@ from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import report
 from cassie_bags.errors import BagError
 from cassie_bags.report.figures import EVENT_COLOURS
+from cassie_bags.report.plots import save_curves
 from cassie_bags.report.view import events_of_bag
 from cassie_bags.signals.falls import falls
 from cassie_control.estimator import channels
@@ -421,6 +432,198 @@ def test_a_layout_of_another_version_is_read_by_its_definition(tmp_path: Path):
     assert table.fields["torque.1"].tolist() == [-2.0]
 
 
+def write_defined(path: Path, channels: list[tuple[str, str, str, list[bytes]]]) -> None:
+    """A bag with a channel for each topic, type, definition and list of messages."""
+    with path.open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start(profile="ros2")
+        for topic, kind, text, list_ in channels:
+            schema = writer.register_schema(kind, "ros2msg", text.encode())
+            channel = writer.register_channel(topic, "cdr", schema)
+            for tick, raw in enumerate(list_):
+                writer.add_message(channel, tick * TICK_NS, raw, tick * TICK_NS)
+        writer.finish()
+
+
+PAIR = b"\0\1\0\0\1\0\0\0\2\0\0\0"
+
+
+def test_each_topic_is_read_by_its_own_definition(tmp_path: Path):
+    path = tmp_path / "two.mcap"
+    texts = {"/a": "int32 x\nint32 y\n", "/b": "int32 y\nint32 x\n"}
+    write_defined(path, [(topic, "my/msg/Pair", text, [PAIR]) for topic, text in texts.items()])
+    tables = read_tables(path)
+    assert [int(tables["/a"].fields[name][0]) for name in "xy"] == [1, 2]
+    assert [int(tables["/b"].fields[name][0]) for name in "xy"] == [2, 1]
+
+
+@pytest.mark.parametrize(
+    "other", ["int32  x # a comment\n\nuint8 C=1\nint32 y", "int32 y\nint32 x"]
+)
+def test_a_topic_with_two_definitions_is_refused_unless_their_fields_are_the_same(
+    tmp_path: Path, other: str
+):
+    path = tmp_path / "two.mcap"
+    texts = ["int32 x\nint32 y\n", other]
+    write_defined(path, [("/a", "my/msg/Pair", text, [PAIR]) for text in texts])
+    if "comment" in other:
+        assert read_tables(path)["/a"].fields["x"].tolist() == [1, 1]
+    else:
+        with pytest.raises(BagError, match=r"the bag has two definitions of my/msg/Pair for it"):
+            read_tables(path)
+
+
+@pytest.mark.parametrize("kind", sorted(set(TYPES.values())))
+def test_installed_definitions_have_the_fields_by_which_bags_are_read_fast(kind: str):
+    index, topic = BagIndex(), next(topic for topic in TYPES if TYPES[topic] == kind)
+    text = definition(kind)
+    for variant in (text, re.sub(r"#.*|(?<= ) +", "", text)):
+        schema = Schema(data=variant.encode(), encoding="ros2msg", id=1, name=kind)
+        index.add_channel(0, Channel(1, topic, "cdr", {}, 1), schema, used=False)
+        assert layout_problem(topic, index) == ""
+
+
+def mode_of(vx: float, vy: float) -> bytes:
+    sample = Mode()
+    sample.vx[...], sample.vy[...] = vx, vy
+    return sample.to_bytes()
+
+
+@pytest.mark.parametrize("other", ["fields", "type", "big endian", "XCDR2"])
+def test_messages_of_the_control_lane_are_read_as_the_bag_defines_them(tmp_path: Path, other: str):
+    """Also where they have the size of this version's message."""
+    path, raw, kind, text = (
+        tmp_path / "bag.mcap",
+        mode_of(0.5, -0.25),
+        Mode.TYPE,
+        definition(Mode.TYPE),
+    )
+    reason = "the bag's cassie_msgs/msg/Mode has float64 vy where this version has float64 vx"
+    if other == "fields":
+        lines = [
+            line for line in text.splitlines() if line.startswith(("float64 vx", "float64 vy"))
+        ]
+        text = text.replace("\n".join(lines), "\n".join(reversed(lines)))
+    elif other == "type":
+        kind = "other_msgs/msg/Thing"
+        reason = f"the bag names the message type {kind}, not {Mode.TYPE}"
+    elif other == "big endian":
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text, kind))
+        message = store.deserialize_cdr(raw, kind)
+        raw = bytes(store.serialize_cdr(message, kind, little_endian=False))
+        reason = "cassie_msgs/msg/Mode in encoding 0000, not 0001"
+    else:
+        raw = b"\0\7" + raw[2:]
+        reason = "cassie_msgs/msg/Mode in encoding 0007, not 0001"
+    write_defined(path, [(Mode.TOPIC, kind, text, [raw])])
+    for look in (read_recording, summarize):
+        with pytest.raises(BagError, match=re.escape(reason)):
+            look(path)
+    if other == "XCDR2":
+        with pytest.raises(BagError, match="encoding 0007, not 0000 or 0001"):
+            read_tables(path)
+        return
+    fields = read_tables(path)[Mode.TOPIC].fields
+    swapped = other == "fields"
+    assert fields["vx"].tolist() == [-0.25 if swapped else 0.5]
+    assert fields["vy"].tolist() == [0.5 if swapped else -0.25]
+
+
+def test_a_definition_that_damage_changed_is_replaced_by_its_copy(tmp_path: Path, bag: Path):
+    """Between chunks it has no checksum of its own."""
+    content = bag.read_bytes()
+    place = content.index(b"float64[20] q")
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content[:place] + b"float32" + content[place + 7 :])
+    assert len(read_recording(path).rows(RobotState)) == 1000
+    assert read_tables(path)[RobotState.TOPIC].fields["q"].shape == (1000, 20)
+
+
+def test_one_long_word_does_not_lengthen_all_others(tmp_path: Path):
+    """3000 words, each as long as the longest, would take 22 GiB."""
+    path, long = tmp_path / "words.mcap", "x" * 2_000_000
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/word", "std_msgs/msg/String")
+        for tick, word in enumerate(["short"] * 3000 + [long]):
+            raw = b"\0\1\0\0" + (len(word) + 1).to_bytes(4, "little") + word.encode() + b"\0"
+            writer.write(channel, raw, tick, tick)
+    table = read_tables(path)["/word"]
+    assert table.fields["data"].tolist()[-2:] == ["short", long]
+    for form in ("csv", "npz"):
+        done = command("export", path, "--format", form, "-o", tmp_path / form)
+        assert done.returncode == 0, done.stderr
+        left_out = ["export: /word: data is too long, left out"] if form == "npz" else []
+        assert done.stderr.splitlines() == left_out
+    with (tmp_path / "csv" / "word.csv").open(newline="") as stream:
+        csv.field_size_limit(len(long))
+        assert [len(row["data"]) for row in csv.DictReader(stream)][-2:] == [5, len(long)]
+    with np.load(tmp_path / "npz" / "word.npz") as content:
+        assert set(content) == {"time", "log_time", "publish_time"}
+
+
+def test_joints_of_the_same_name_are_numbered(tmp_path: Path):
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kind, none = "sensor_msgs/msg/JointState", np.zeros(0)
+    stamp = store.types["builtin_interfaces/msg/Time"](1, 5)
+    header = store.types["std_msgs/msg/Header"](stamp, "base")
+    path = tmp_path / "joints.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic("/joint_states", kind)
+        joints = store.types[kind](header, ["a", "a"], np.array([1.0, 2.0]), none, none)
+        writer.write(channel, bytes(store.serialize_cdr(joints, kind)), 1, 1)
+    found = read_tables(path)["/joint_states"].fields
+    assert [found[f"position.{index}"].tolist() for index in (0, 1)] == [[1.0], [2.0]]
+    assert not {name for name in found if "position" in name} - {"position.0", "position.1"}
+
+
+def test_a_field_with_a_reserved_name_replaces_no_other(tmp_path: Path):
+    path = tmp_path / "names.mcap"
+    text = f"int32 time\nmy/Inner message\n{'=' * 80}\nMSG: my/Inner\nint32 time\n"
+    write_defined(path, [("/a", "my/msg/Outer", text, [PAIR])])
+    fields = read_tables(path)["/a"].fields
+    assert {name: values.tolist() for name, values in fields.items()} == {
+        "message.message.time": [1],
+        "message.time": [2],
+    }
+
+
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [
+        ("export", ("BAG", "--topics", Mode.TOPIC)),
+        ("plot", ("BAG",)),
+        ("plot", ("BAG", "mode.vx")),
+        ("compare", ("BAG", "BAG")),
+    ],
+)
+def test_a_bag_that_is_not_whole_is_used_and_said_to_be_damaged(
+    tmp_path: Path, bag: Path, verb: str, words
+):
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(bag.read_bytes()[: bag.stat().st_size // 2])
+    output = {"export": "out", "plot": "out.png"}.get(verb)
+    more = ["-o", tmp_path / output] if output else []
+    done = command(verb, *[cut if word == "BAG" else word for word in words], *more)
+    assert done.returncode == 0, done.stderr
+    said = command("info", cut).stdout.splitlines()[1].partition(", ")[2]
+    assert re.fullmatch(r"damaged or not closed: \d+ bytes could not be read; see recover", said)
+    assert done.stderr.splitlines() == [f"{verb}: {cut} is {said}"] * words.count("BAG")
+
+
+def test_of_a_damaged_bag_the_missing_messages_are_counted(tmp_path: Path, bag: Path):
+    content = bytearray(bag.read_bytes())
+    chunks = [part for part in parts(bag) if part[0] == Opcode.CHUNK]
+    content[chunks[3][2] - 50] ^= 4
+    path = tmp_path / "damaged.mcap"
+    path.write_bytes(content)
+    lost = chunks[3][2] - chunks[3][1]
+    index = BagIndex()
+    read_tables(path, [RobotState.TOPIC], None, index)
+    expected = f"{lost} bytes could not be read, 100 messages between the others are missing"
+    assert index.damage == f"damaged or not closed: {expected}; see recover"
+
+
 def test_times_are_the_nearest_numbers_to_those_of_the_clock():
     times = np.array([18_000_000, 10**18, 1_700_000_000_018_000_000])
     table = Table("/topic", "a/msg/B", times, times, {})
@@ -497,13 +700,27 @@ def test_topics_that_cannot_be_read_are_named_and_the_others_are_exported(tmp_pa
         assert [row["data"] for row in csv.DictReader(stream)] == ["hi"]
 
 
-def test_topics_whose_files_would_have_the_same_name_are_all_exported(tmp_path: Path):
-    path, out = tmp_path / "alike.mcap", tmp_path / "out"
-    write_mixed_bag(path, {"/a/b": "cdr", "/a_b": "cdr", "/c/d": "cdr"})
-    done = command("export", path, "-o", out)
+@pytest.mark.parametrize("form", ["csv", "npz"])
+def test_every_topic_has_a_file_of_its_own_whatever_its_name(tmp_path: Path, form: str):
+    path, out = tmp_path / "names.mcap", tmp_path / "out"
+    plain = {"/c/d": "c_d", "/a__b": "a__b", "/.hidden": "_hidden", "/a\nb": "a_b"}
+    odd = ["/fields", "/", "", "/a/b", "/a_b", "/A", "/a", "/" + "l" * 300, "/" + "l" * 301, "/é\0"]
+    odd.append("/a_b_662b7b62")  # the digits of /a/b
+    write_mixed_bag(path, dict.fromkeys([*plain, *odd], "cdr"))
+    done = command("export", path, "-o", out, "--format", form)
     assert done.returncode == 0, done.stderr
-    written = sorted(file.name for file in out.iterdir())
-    assert written == ["a__b.csv", "a_b.csv", "c_d.csv", "fields.csv"]
+    with (out / "fields.csv").open(newline="") as stream:
+        file_of = {row["topic"]: row["file"] for row in csv.DictReader(stream)}
+    assert sorted(file_of) == sorted([*plain, *odd])
+    assert len(set(map(str.lower, file_of.values()))) == len(file_of)
+    assert {file.name for file in out.iterdir()} == {*file_of.values(), "fields.csv"}
+    assert all(re.fullmatch(rf"[\w-]+\.{form}", name, re.ASCII) for name in file_of.values())
+    assert [file_of[topic] for topic in ("/c/d", "/a__b", "/.hidden")] == [
+        f"{plain[topic]}.{form}" for topic in ("/c/d", "/a__b", "/.hidden")
+    ]
+    assert re.fullmatch(rf"a_b_[0-9a-f]{{8}}\.{form}", file_of["/a/b"])
+    command("export", path, "-o", tmp_path / "one", "--format", form, "--topics", "/fields")
+    assert (tmp_path / "one" / file_of["/fields"]).is_file()
 
 
 def test_a_bag_of_which_no_topic_can_be_read_is_not_exported(tmp_path: Path):
@@ -838,6 +1055,19 @@ def test_plots_are_drawn_and_never_over_a_file(tmp_path: Path, bag: Path):
         before = path.read_bytes()
         assert command("plot", bag, *words, "-o", path).returncode == 2
         assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("values", [[1e308, -1e308], [1e308, 1e308], [1.0, 2.0, np.inf, -1e301]])
+def test_numbers_beyond_any_axis_are_counted_and_not_drawn(tmp_path: Path, values: list[float]):
+    path = tmp_path / "large.mcap"
+    raw = [b"\0\1\0\0" + np.float64(value).tobytes() for value in values]
+    write_defined(path, [("/x", "std_msgs/msg/Float64", "float64 data\n", raw)])
+    with matplotlib.rc_context({"svg.fonttype": "none"}):
+        (curve,) = read_curves(path, ["x.data"])
+        save_curves([curve], [], [], "large", tmp_path / "large.svg")
+    assert "/x.data, without 2 values beyond 1e+300" in (tmp_path / "large.svg").read_text()
+    done = command("plot", path, "x.data", "-o", tmp_path / "large.png")
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_plots_of_fields_mark_what_happened(tmp_path: Path, bag: Path):

@@ -108,7 +108,7 @@ def test_nothing_is_overwritten(drive: Path, file: Path):
 def test_two_bags_stand_side_by_side(two: Path):
     text = two.read_text(encoding="utf-8")
     assert "Side by side" in text
-    assert "damaged or was not closed" in text
+    assert "the bag is damaged or not closed: " in text
     assert "data:video" not in text
     assert "at 2.00 s" in text  # of the fall
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from mcap.reader import make_reader
 from rclpy.serialization import serialize_message
 from synthetic import TICK_NS
 
+from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.node_events import EVENTS_TOPIC, RecordedEvent, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import TYPES
@@ -169,6 +171,33 @@ def test_a_damaged_chunk_is_a_gap_of_each_node_and_no_difference(
     assert found.differences == []
     assert found.compared > 400
     assert {gap.partition(":")[0] for gap in found.gaps} == set(SECTIONS)
+    assert "bytes could not be read" in found.damage
+
+
+def test_a_bag_that_was_cut_is_said_to_be(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    content = bag.read_bytes()
+    (tmp_path / "bag.mcap").write_bytes(content[: len(content) // 2])
+    assert main([str(tmp_path / "bag.mcap")]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.count("identical") == 3
+    assert shown.err == "replay --verify: {} is {}\n".format(
+        tmp_path / "bag.mcap", verify(tmp_path / "bag.mcap").damage
+    )
+
+
+def test_a_bag_with_other_fields_of_its_topics_is_refused(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    def exchanged(kind: str) -> str:
+        text = definition(kind)
+        return re.sub(r"\bv([xy])\b", r"v_\1", text) if kind == Mode.TYPE else text
+
+    monkeypatch.setattr("cassie_bags.bag.writer.definition", exchanged)
+    path = altered(bag, tmp_path / "bag.mcap", lambda topic, raw: raw)
+    assert main([str(path)]) == 2
+    assert "/cassie/mode cannot be read" in capsys.readouterr().err
 
 
 def test_a_node_that_was_silent_is_named_with_the_ticks_that_it_did_not_answer(

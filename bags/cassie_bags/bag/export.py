@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Collection, Mapping
+import hashlib
+import re
+from collections import Counter
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +18,37 @@ from cassie_bags.bag.tables import TIMES, Table
 from cassie_bags.errors import BagError
 
 UNITS = "fields.csv"
-"""Name of the file with topic, column, unit and meaning of every column."""
+"""Name of the file with topic, column, unit, meaning and file of every column."""
+
+_LONGEST_NAME = 100  # characters of a topic's name in that of its file
+_DIGITS = re.compile(r"_[0-9a-f]{8}$")
+_LARGEST_WORDS = 1 << 28  # bytes of a field's words in an npz file, where all are equally long
+_CHARACTER = np.dtype("U1").itemsize
+
+
+def fitting(table: Table, form: str) -> Table:
+    """A table without fields that are too long for a file format, which `left_out` names.
+
+    Args:
+        table: Messages of one topic.
+        form: File format, one of `FORMATS`.
+    """
+    if form != "npz":
+        return table
+    long = [
+        name
+        for name, values in table.fields.items()
+        if values.dtype == np.object_
+        and len(values) * max(map(len, values)) * _CHARACTER > _LARGEST_WORDS
+    ]
+    fields = {name: values for name, values in table.fields.items() if name not in long}
+    return replace(table, fields=fields, left_out=(*table.left_out, *long))
 
 
 def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
     """Write each topic into a file of its own, and `UNITS`; if one fails, none stays.
+
+    Fields that are too long for the format are left out; see `fitting`.
 
     Args:
         tables: Tables by topic.
@@ -33,11 +63,10 @@ def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
             cannot be written; if the library for `form` is not installed.
     """
     write = FORMATS[form]
+    tables = {topic: fitting(table, form) for topic, table in tables.items()}
     if form == "parquet":
         _pyarrow()
     files = [folder / f"{stem}.{form}" for stem in _file_stems(tables)]
-    if len(set(files)) < len(tables):
-        raise BagError("two topics have the same file name: name fewer with --topics")
     files.append(folder / UNITS)
     for path in files:
         if path.exists():
@@ -45,18 +74,25 @@ def export(tables: Mapping[str, Table], folder: Path, form: str) -> list[Path]:
     with new_files(files) as (*parts, units):
         for part, table in zip(parts, tables.values(), strict=True):
             write(table, part)
-        _write_units(tables, units)
+        _write_units(tables, files, units)
     return files
 
 
 def _file_stems(topics: Collection[str]) -> list[str]:
     """Names of the topics' files: `/cassie/state` becomes `cassie_state`.
 
-    Where that is the name of two, `/` becomes `__`, which no topic of ROS contains.
+    A name that is not free, is empty or long, or ends in eight hexadecimal digits gets eight such
+    digits that are made of the topic's name.
+    Large and small letters do not tell names apart: some file systems do not keep them apart.
     """
-    plain = [topic.strip("/").replace("/", "_") for topic in topics]
+    plain = [re.sub(r"[^\w-]", "_", topic.strip("/"), flags=re.ASCII) for topic in topics]
+    taken = Counter([stem.lower() for stem in plain] + [Path(UNITS).stem])
     return [
-        stem if plain.count(stem) == 1 else topic.strip("/").replace("/", "__")
+        stem
+        if taken[stem.lower()] == 1
+        and 0 < len(stem) <= _LONGEST_NAME
+        and not _DIGITS.search(stem.lower())
+        else f"{stem[:_LONGEST_NAME]}_{hashlib.sha256(topic.encode()).hexdigest()[:8]}"
         for topic, stem in zip(topics, plain, strict=True)
     ]
 
@@ -71,7 +107,11 @@ def _write_csv(table: Table, path: Path) -> None:
 
 def _write_npz(table: Table, path: Path) -> None:
     times = {name: table.columns()[name] for name in TIMES}
-    np.savez_compressed(path, allow_pickle=False, **times, **table.fields)
+    fields = {
+        name: values.astype(np.str_) if values.dtype == np.object_ else values
+        for name, values in table.fields.items()
+    }
+    np.savez_compressed(path, allow_pickle=False, **times, **fields)
 
 
 def _write_parquet(table: Table, path: Path) -> None:
@@ -79,10 +119,11 @@ def _write_parquet(table: Table, path: Path) -> None:
     columns = table.columns()
     fields = []
     for name, values in columns.items():
-        array_type = pa.string() if values.dtype.kind == "U" else pa.from_numpy_dtype(values.dtype)
+        words = values.dtype == np.object_
+        array_type = pa.string() if words else pa.from_numpy_dtype(values.dtype)
         fields.append(pa.field(name, array_type, metadata={"unit": table.unit(name)}))
     arrays = [
-        pa.array(values.tolist() if values.dtype.kind == "U" else np.ascontiguousarray(values))
+        pa.array(values.tolist() if values.dtype == np.object_ else np.ascontiguousarray(values))
         for values in columns.values()
     ]
     about = {"topic": table.topic, "type": table.type}
@@ -100,18 +141,18 @@ def _pyarrow() -> tuple[Any, Any]:
     return pyarrow, parquet
 
 
-def _write_units(tables: Mapping[str, Table], path: Path) -> None:
+def _write_units(tables: Mapping[str, Table], files: Sequence[Path], path: Path) -> None:
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
-        writer.writerow(("topic", "column", "unit", "about"))
-        for topic, table in tables.items():
+        writer.writerow(("topic", "column", "unit", "about", "file"))
+        for (topic, table), file in zip(tables.items(), files, strict=False):
             for name, field in TIMES.items():
-                writer.writerow((topic, name, field.unit, field.about))
+                writer.writerow((topic, name, field.unit, field.about, file.name))
             for name in table.fields:
                 field = table.field(name)
                 for component in table.components(name) or ("",):
                     column = f"{name}.{component}" if component else name
-                    writer.writerow((topic, column, table.unit(column), field.about))
+                    writer.writerow((topic, column, table.unit(column), field.about, file.name))
 
 
 FORMATS: dict[str, Callable[[Table, Path], None]] = {

@@ -60,8 +60,8 @@ _DATA_END = _HEADER.pack(Opcode.DATA_END, _CRC.size)
 _PRIVATE = 0x80  # first opcode for records of applications, which readers skip
 _SEARCH_SIZE = 1 << 22  # bytes searched at a time
 _MAX_HEAD = 1 << 26  # bytes searched for a record in a file that neither begins nor ends as MCAP
-_MAX_RATIO = 1024  # largest plausible compression ratio, apart from
-_MAX_UNCHECKED = 1 << 26  # bytes that a chunk may have in any case
+_MAX_RATIO = 64  # largest plausible compression ratio (ours have 3), apart from
+_MAX_UNCHECKED = 1 << 28  # bytes that a chunk may have in any case (ours have 400 kB)
 
 
 class RecordReader:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Hashable, Iterator
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from itertools import chain
 from pathlib import Path
+from typing import NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
+from cassie_bags.bag.definitions import Members, parse_definition
 from cassie_bags.bag.framing import RecordReader, parse_message
 from cassie_bags.bag.location import bag_files
 from cassie_bags.errors import BagError
@@ -17,15 +20,19 @@ from cassie_bags.errors import BagError
 _NO_SCHEMA = Schema(id=0, name="", encoding="", data=b"")  # of channels that name no schema
 
 
+class _Topics(NamedTuple):
+    """What a bag says about its topics, by topic; see `BagIndex`."""
+
+    types: dict[str, list[str]]
+    definitions: dict[str, Schema]
+    unreadable: dict[str, str]
+
+
 @dataclass
 class BagIndex:
     """Index of a bag, filled while the bag is read.
 
     Attributes:
-        types: Message types by topic, in the order of their appearance; empty is that of a topic
-            without a schema.
-        schemas: Definition by message type.
-        unreadable: By topic, why its messages are not ROS 2 messages of one type.
         metadata: Metadata records by name.
         complete: Whether the file was closed properly and nothing in it is damaged.
         lost_bytes: Number of bytes that could not be read.
@@ -33,29 +40,100 @@ class BagIndex:
             numbers tell: the recorder did not get them, or the file is damaged there.
     """
 
-    types: dict[str, list[str]] = field(default_factory=dict)
-    schemas: dict[str, Schema] = field(default_factory=dict)
-    unreadable: dict[str, str] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     complete: bool = False
     lost_bytes: int = 0
     lost: dict[str, int] = field(default_factory=dict)
+    _channels: dict[Hashable, list[tuple[Channel, Schema]]] = field(default_factory=dict)
+    _topics: _Topics | None = None
 
-    def add_channel(self, channel: Channel, schema: Schema) -> None:
-        """Note the type of a channel's topic, and why the topic cannot be read, if it cannot."""
-        kind, kinds = schema.name, self.types.setdefault(channel.topic, [])
-        if kind not in kinds:
-            kinds.append(kind)
-        self.schemas[kind] = schema
-        if channel.message_encoding not in ("cdr", ""):
-            reason = f"its messages are encoded as {channel.message_encoding}, not as cdr"
-        elif not kind:
-            reason = "the bag names no message type"
-        elif kinds[0] != kind:
-            reason = f"the bag names two message types, {kinds[0]} and {kind}"
-        else:
-            return
-        self.unreadable[channel.topic] = reason
+    def add_channel(self, key: Hashable, channel: Channel, schema: Schema, *, used: bool) -> None:
+        """Note a channel and its definition.
+
+        A bag may repeat both. The last ones count, since the first ones may be damaged: between
+        chunks they have no checksum. Those by which messages were read count, too.
+
+        Args:
+            key: File and number of the channel.
+            channel: The channel.
+            schema: Definition of its messages.
+            used: Whether messages of the channel came before.
+        """
+        known = self._channels.setdefault(key, [])
+        if (channel, schema) not in known:
+            known[:] = [*known, (channel, schema)] if used else [(channel, schema)]
+            self._topics = None
+
+    @property
+    def damage(self) -> str:
+        """What is wrong with the bag and what it lacks, to go on from "it is"; empty if nothing.
+
+        Known once the bag has been read. Missing messages are those of the topics that were read.
+        """
+        if self.complete:
+            return ""
+        lost, missing = self.lost_bytes, sum(self.lost.values())
+        words = [f"{lost} bytes could not be read"] if lost else []
+        words += [f"{missing} messages between the others are missing"] if missing else []
+        state = "damaged or not closed" if lost else "not closed"
+        return f"{': '.join(filter(None, [state, ', '.join(words)]))}; see recover"
+
+    @property
+    def types(self) -> dict[str, list[str]]:
+        """Message types by topic, in the order of their appearance.
+
+        Empty is the type of a topic without a schema.
+        """
+        return self._by_topic().types
+
+    @property
+    def definitions(self) -> dict[str, Schema]:
+        """Definition of the messages by topic; the first one if there are several."""
+        return self._by_topic().definitions
+
+    @property
+    def unreadable(self) -> dict[str, str]:
+        """By topic, why its messages are not ROS 2 messages of one type."""
+        return self._by_topic().unreadable
+
+    def _by_topic(self) -> _Topics:
+        if self._topics is None:
+            self._topics = topics = _Topics({}, {}, {})
+            for channel, schema in chain.from_iterable(self._channels.values()):
+                kinds = topics.types.setdefault(channel.topic, [])
+                if schema.name not in kinds:
+                    kinds.append(schema.name)
+                first = topics.definitions.setdefault(channel.topic, schema)
+                if reason := _mismatch(channel, schema, first):
+                    topics.unreadable[channel.topic] = reason
+        return self._topics
+
+
+def _mismatch(channel: Channel, schema: Schema, first: Schema) -> str:
+    """Why a topic cannot be read with a channel; empty if it can.
+
+    Args:
+        channel: Channel of the topic.
+        schema: Definition of its messages.
+        first: Definition of the topic's first channel.
+    """
+    if channel.message_encoding not in ("cdr", ""):
+        return f"its messages are encoded as {channel.message_encoding}, not as cdr"
+    if not schema.name:
+        return "the bag names no message type"
+    if schema.name != first.name:
+        return f"the bag names two message types, {first.name} and {schema.name}"
+    if schema.data != first.data and _fields(schema) != _fields(first):
+        return f"the bag has two definitions of {schema.name} for it"
+    return ""
+
+
+def _fields(schema: Schema) -> Members | bytes:
+    """Fields of a definition; its text if it is of another form than ROS's."""
+    try:
+        return parse_definition(schema.name, schema.data.decode("utf-8", "replace"))
+    except BagError:
+        return bytes(schema.data)
 
 
 def read_messages(
@@ -108,9 +186,12 @@ def _messages_of(
                     schemas[body.id] = body
                 elif opcode == Opcode.CHANNEL and body.schema_id in schemas:
                     known.add(body.id)
-                    index.add_channel(body, schemas[body.schema_id])
+                    schema, used = schemas[body.schema_id], body.id in numbers
+                    index.add_channel((path, body.id), body, schema, used=used)
                     if topics is None or body.topic in topics:
                         wanted[body.id] = body.topic
+                    else:
+                        wanted.pop(body.id, None)
                 elif opcode == Opcode.METADATA:
                     index.metadata[body.name] = body.metadata
             index.complete = reader.complete and not reader.lost_bytes

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cassie_bags.bag.definitions import parse_definition, primitives
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.rows import BoolArray, Rows
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
 from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
-from cassie_msgs.sample import LayoutError
+from cassie_msgs.sample import ENCAPSULATION, LayoutError
 from cassie_msgs.standard_messages import IMU, ODOMETRY, Kind, layout, read_rows
 
 LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
@@ -37,6 +39,75 @@ TYPES: dict[str, str] = {
     **{topic: kind.type for topic, kind in _STAMPED.items()},
 }
 """Message type of each topic that is recorded in every run; the Segway's only with a Segway."""
+
+
+def _lane_fields(kind: type[Sample]) -> tuple[str, ...]:
+    fields = []
+    for name in kind.DTYPE.names or ():
+        scalar, shape = kind.DTYPE[name].base, kind.DTYPE[name].shape
+        path = f"stamp.{name}" if name in ("sec", "nanosec") else name
+        fields.append(f"{scalar.name}{list(shape) if shape else ''} {path}")
+    return tuple(fields)
+
+
+def _doubles(name: str, axes: str) -> tuple[str, ...]:
+    return tuple(f"float64 {name}.{axis}" for axis in axes)
+
+
+_HEADER = ("int32 header.stamp.sec", "uint32 header.stamp.nanosec", "string header.frame_id")
+_FIELDS: dict[str, tuple[str, ...]] = {
+    **{kind.TYPE: _lane_fields(kind) for kind in SAMPLE_TYPES},
+    ODOMETRY.type: (
+        *_HEADER,
+        "string child_frame_id",
+        *_doubles("pose.pose.position", "xyz"),
+        *_doubles("pose.pose.orientation", "xyzw"),
+        "float64[36] pose.covariance",
+        *_doubles("twist.twist.linear", "xyz"),
+        *_doubles("twist.twist.angular", "xyz"),
+        "float64[36] twist.covariance",
+    ),
+    IMU.type: (
+        *_HEADER,
+        *_doubles("orientation", "xyzw"),
+        "float64[9] orientation_covariance",
+        *_doubles("angular_velocity", "xyz"),
+        "float64[9] angular_velocity_covariance",
+        *_doubles("linear_acceleration", "xyz"),
+        "float64[9] linear_acceleration_covariance",
+    ),
+}
+"""Fields by type, in the form of `primitives`: by them `rows_of` finds the values in the bytes."""
+
+
+def layout_problem(topic: str, index: BagIndex) -> str:
+    """Why the messages of a topic of `TYPES` cannot be read by `rows_of`; empty if they can."""
+    if topic in index.unreadable:
+        return index.unreadable[topic]
+    schema, kind = index.definitions[topic], TYPES[topic]
+    if schema.name != kind:
+        return f"the bag names the message type {schema.name}, not {kind}"
+    if schema.encoding not in ("ros2msg", ""):
+        return f"the definition of {kind} is written in {schema.encoding}, not in ros2msg"
+    try:
+        found = primitives(parse_definition(kind, schema.data.decode("utf-8", "replace")), kind)
+    except BagError as error:
+        return str(error)
+    for field_, expected in zip_longest(found, _FIELDS[kind], fillvalue="nothing"):
+        if field_ != expected:
+            return f"the bag's {kind} has {field_} where this version has {expected}"
+    return ""
+
+
+def require_layouts(topics: Iterable[str], index: BagIndex) -> None:
+    """Check that the messages of those topics which are of `TYPES` can be read by `rows_of`.
+
+    Raises:
+        BagError: if those of a topic cannot; the message names the topic and says why.
+    """
+    for topic in topics:
+        if topic in TYPES and (reason := layout_problem(topic, index)):
+            raise BagError(f"{topic} cannot be read: {reason}")
 
 
 def message_check(topic: str) -> Callable[[bytes], bool] | None:
@@ -151,6 +222,7 @@ def read_recording(path: Path | str) -> Recording:
         if topic == Sensors.TOPIC:
             logs.append(log_time)
             walls.append(wall)
+    require_layouts((topic for topic, list_ in messages.items() if list_), index)
     return from_messages(messages, run_time(logs, walls), index.metadata).without_strays()
 
 
@@ -173,22 +245,35 @@ def rows_of(topic: str, messages: Sequence[bytes]) -> Rows:
     if topic in LANE_TOPICS:
         return lane_rows(LANE_TOPICS[topic], messages)
     try:
-        return read_rows(_STAMPED[topic], messages)
+        rows = read_rows(_STAMPED[topic], messages)
     except LayoutError as error:
         raise BagError(str(error)) from None
+    _check_encoding(TYPES[topic], rows)
+    return rows
 
 
 def lane_rows(kind: type[Sample], messages: Sequence[bytes]) -> Rows:
     """Messages of one type of the control lane as one structured array.
 
     Raises:
-        BagError: if a message does not have the size of its type.
+        BagError: if a message does not have the size of its type, or another encoding.
     """
     samples = [sample_bytes(kind, raw) for raw in messages]
     if None in samples:
         size = len(messages[samples.index(None)])
         raise BagError(f"{kind.TYPE} has {kind.SIZE} bytes, the bag holds one of {size}")
-    return np.frombuffer(b"".join(filter(None, samples)), kind.DTYPE)
+    rows = np.frombuffer(b"".join(filter(None, samples)), kind.DTYPE)
+    _check_encoding(kind.TYPE, rows)
+    return rows
+
+
+def _check_encoding(kind: str, rows: Rows) -> None:
+    """Check that messages are plain CDR, little endian, which their first two bytes tell."""
+    starts = rows.view(np.uint8).reshape(-1, rows.itemsize)[:, :2]
+    other = (starts != np.frombuffer(ENCAPSULATION[:2], np.uint8)).any(axis=1)
+    if other.any():
+        start = starts[np.argmax(other)].tobytes().hex()
+        raise BagError(f"{kind} in encoding {start}, not 0001 (plain CDR, little endian)")
 
 
 def sample_bytes(kind: type[Sample], raw: bytes) -> bytes | None:

@@ -16,7 +16,13 @@ from cassie_bags.bag.fields import DRIVES, JOINTS
 from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.recording import TYPES, Recording, from_messages, run_time
+from cassie_bags.bag.recording import (
+    TYPES,
+    Recording,
+    from_messages,
+    require_layouts,
+    run_time,
+)
 from cassie_bags.bag.rows import FloatArray, IntArray, runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
@@ -29,6 +35,7 @@ DIAGNOSTICS_TOPIC = "/diagnostics"
 _KINDS = {
     STATUS_TOPIC: "cassie_msgs/msg/SupervisorStatus",
     DIAGNOSTICS_TOPIC: "diagnostic_msgs/msg/DiagnosticArray",
+    EVENTS_TOPIC: "cassie_msgs/msg/NodeEvent",
 }
 _IMU = ("IMU x", "IMU y", "IMU z")
 SENSOR_CHANNELS = (
@@ -92,6 +99,7 @@ class Summary:
         size: Size of all files. In bytes.
         complete: Whether each file was closed properly and nothing in it is damaged.
         lost_bytes: Number of bytes that could not be read.
+        damage: What is wrong with the bag; see `BagIndex`.
         duration: Robot time from the first message of the run to the last, or of all messages
             where there is no run. In s.
         wall_time: Wall time from the first sensor sample to the last, or of all messages where
@@ -114,6 +122,7 @@ class Summary:
     size: int
     complete: bool
     lost_bytes: int
+    damage: str
     duration: float
     wall_time: float
     topics: Sequence[TopicSummary]
@@ -154,6 +163,7 @@ def summarize(bag: Path | str) -> Summary:
     if not messages and not index.complete:
         raise BagError(f"{bag} holds no whole message")
     wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
+    require_layouts(messages, index)
     recording = from_messages(
         {topic: list_ for topic, list_ in messages.items() if topic in TYPES},
         run_time(times.get(Sensors.TOPIC, []), walls),
@@ -173,11 +183,12 @@ def summarize(bag: Path | str) -> Summary:
         size=sum(file.stat().st_size for file in files),
         complete=index.complete,
         lost_bytes=index.lost_bytes,
+        damage=index.damage,
         duration=(last - first) * 1e-9,
         wall_time=wall if walls else (last_wall - first_wall) * 1e-9,
         topics=[
-            _topic(t, ", ".join(index.types[t]), times.get(t, []), of_run.get(t))
-            for t in sorted(index.types)
+            _topic(t, ", ".join(kinds), times.get(t, []), of_run.get(t))
+            for t, kinds in sorted(index.types.items())
         ],
         gaps=gaps(recording, from_start=False),
         strays=[f"{topic}: {count} messages" for topic, count in recording.strays.items()],
@@ -188,7 +199,7 @@ def summarize(bag: Path | str) -> Summary:
             or _rejected(recording, of_run[RobotState.TOPIC])
         ),
         has_status=bool(status),
-        nodes=_node_events(messages.get(EVENTS_TOPIC, []), times.get(EVENTS_TOPIC, [])),
+        nodes=_node_events(_of_kind(EVENTS_TOPIC, messages, index), times.get(EVENTS_TOPIC, [])),
         problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),
         metadata=index.metadata,
         recording=recording,
@@ -214,9 +225,14 @@ def _decoded(
 
     Messages of another type than that of `_KINDS` are left out, with all of their topic.
     """
-    kind = _KINDS[topic]
-    if (raw := messages.get(topic)) and index.types[topic] == [kind]:
-        yield from zip(times[topic], decode(index.schemas[kind], raw), strict=True)
+    if raw := _of_kind(topic, messages, index):
+        yield from zip(times[topic], decode(index.definitions[topic], raw), strict=True)
+
+
+def _of_kind(topic: str, messages: Mapping[str, list[bytes]], index: BagIndex) -> Sequence[bytes]:
+    """Messages of a topic; none if they are of another type than that of `_KINDS`."""
+    own = index.types.get(topic) == [_KINDS[topic]] and topic not in index.unreadable
+    return messages.get(topic, []) if own else []
 
 
 def _topic(topic: str, kind: str, times: list[int], of_run: list[int] | None) -> TopicSummary:
@@ -320,7 +336,7 @@ def _channels(mask: Any) -> list[str]:
 def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:
     known: set[str] = set()
     events = []
-    for data, time in zip(raw, times, strict=True):
+    for data, time in zip(raw, times, strict=False):
         try:
             event = read_event(data)
         except BagError:

@@ -13,7 +13,7 @@ from mcap.records import Schema
 
 from cassie_bags.bag.fields import FIELDS, Field, standard_field
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
-from cassie_bags.bag.recording import TYPES, rows_of
+from cassie_bags.bag.recording import TYPES, require_layouts, rows_of
 from cassie_bags.bag.rows import FloatArray, IntArray, Rows
 from cassie_bags.errors import BagError
 from cassie_msgs.tunables import unknown_name
@@ -42,9 +42,9 @@ class Table:
         topic, type: Name of the topic, and its message type.
         log_time, publish_time: Times of each message. Shape (n,), int64, in ns; uint64 if one of
             them does not fit into int64.
-        fields: Arrays of numbers or words by dotted name of the field. Shape (n,) or (n, k). An
-            entry that a message does not have is NaN or empty.
-        left_out: Names of fields that are longer than `MAX_ENTRIES`.
+        fields: Arrays of numbers, or of words (`str` as objects), by dotted name of the field.
+            Shape (n,) or (n, k). An entry that a message does not have is NaN or empty.
+        left_out: Names of fields that are too long.
     """
 
     topic: str
@@ -56,8 +56,8 @@ class Table:
 
     def field(self, name: str) -> Field:
         """Unit and meaning of a field."""
-        known = TIMES.get(name) or FIELDS.get(self.topic, {}).get(name)
-        return known or standard_field(self.type, name)
+        own = FIELDS.get(self.topic, {}) if self.type == TYPES.get(self.topic) else {}
+        return TIMES.get(name) or own.get(name) or standard_field(self.type, name)
 
     def unit(self, column: str) -> str:
         """Unit of a column."""
@@ -92,6 +92,7 @@ def read_tables(
     bag: Path | str,
     topics: Collection[str] | None = None,
     unreadable: dict[str, str] | None = None,
+    index: BagIndex | None = None,
 ) -> dict[str, Table]:
     """Tables by topic, in the order of their names.
 
@@ -100,12 +101,13 @@ def read_tables(
         topics: Topics that are read; None for all.
         unreadable: Gets the reason for each topic whose messages cannot be read, which has no
             table then; if None, such a topic is an error.
+        index: Gets types and damage of the bag.
 
     Raises:
         BagError: if the bag cannot be read, or lacks a topic (the message names the nearest one);
             if a topic cannot be read and `unreadable` is None.
     """
-    index = BagIndex()
+    index = BagIndex() if index is None else index
     messages: dict[str, list[tuple[int, int, bytes]]] = {}
     for topic, log_time, wall_time, data in read_messages(bag, topics, index):
         messages.setdefault(topic, []).append((log_time, wall_time, data))
@@ -201,13 +203,14 @@ def _table(topic: str, messages: list[tuple[int, int, bytes]], index: BagIndex) 
     raw = [data for _, _, data in messages]
     log_time = _integers([time for time, _, _ in messages])
     publish_time = _integers([time for _, time, _ in messages])
-    rows = _known_rows(topic, raw)
+    rows = _known_rows(topic, raw, index)
     if rows is not None:
         names = rows.dtype.names or ()
         return Table(topic, kind, log_time, publish_time, {name: rows[name] for name in names})
-    if (encoding := index.schemas[kind].encoding) not in ("ros2msg", ""):
-        raise BagError(f"the definition of {kind} is written in {encoding}, not in ros2msg")
-    fields, left_out = _decoded(index.schemas[kind], raw)
+    schema = index.definitions[topic]
+    if schema.encoding not in ("ros2msg", ""):
+        raise BagError(f"the definition of {kind} is written in {schema.encoding}, not in ros2msg")
+    fields, left_out = _decoded(schema, raw)
     return Table(topic, kind, log_time, publish_time, fields, left_out)
 
 
@@ -221,9 +224,10 @@ def _integers(values: list[int]) -> Integers:
     return np.array(values, np.uint64)
 
 
-def _known_rows(topic: str, raw: list[bytes]) -> Rows | None:
-    """Rows of our own topics; None for other topics, and for a layout of another version."""
+def _known_rows(topic: str, raw: list[bytes], index: BagIndex) -> Rows | None:
+    """Rows of our own topics; None for other topics, definitions and encodings."""
     try:
+        require_layouts([topic], index)
         return rows_of(topic, raw) if topic in TYPES else None
     except BagError:
         return None
@@ -241,6 +245,8 @@ def decode(schema: Schema, raw: Collection[bytes]) -> Iterator[Any]:
         store = get_typestore(Stores.EMPTY)
         store.register(get_types_from_msg(schema.data.decode("utf-8", "replace"), schema.name))
         for data in raw:
+            if data[:2] not in (b"\0\0", b"\0\1"):
+                raise BagError(f"encoding {data[:2].hex()}, not 0000 or 0001 (plain CDR)")
             yield store.deserialize_cdr(data, schema.name)
     except Exception as error:  # rosbags raises whatever its generated code does
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -251,21 +257,26 @@ def _decoded(schema: Schema, raw: list[bytes]) -> tuple[dict[str, Array], tuple[
     left_out: dict[str, None] = {}
     rows = [dict(_flat(message, "", left_out)) for message in decode(schema, raw)]
     names = dict.fromkeys(name for row in rows for name in row)
-    fields = {
-        f"message.{name}" if name in _RESERVED else name: _column([row.get(name) for row in rows])
-        for name in names
-    }
+    fields = {}
+    for name in names:
+        free = name
+        while free in _RESERVED or (free != name and free in names):
+            free = f"message.{free}"
+        fields[free] = _column([row.get(name) for row in rows])
     return fields, tuple(left_out)
 
 
 def _flat(value: Any, name: str, left_out: dict[str, None]) -> Iterator[tuple[str, Any]]:
-    """Numbers and words of a message by dotted name; entries of JointState by joint name."""
+    """Numbers and words of a message by dotted name; entries of JointState by joint name.
+
+    Where two joints have the same name, their entries are numbered.
+    """
     if hasattr(value, "__msgtype__"):
         names = (field.name for field in fields(value) if field.default is MISSING)  # no constants
         entries = {key: getattr(value, key) for key in names}
         joints = entries.pop("name") if value.__msgtype__ == "sensor_msgs/msg/JointState" else None
         for key, entry in entries.items():
-            if joints and len(joints) == len(_sized(entry)):
+            if joints and len(set(joints)) == len(joints) == len(_sized(entry)):
                 entry = dict(zip(joints, entry, strict=True))
             yield from _flat(entry, f"{name}.{key}" if name else key, left_out)
     elif isinstance(value, dict):
@@ -288,7 +299,8 @@ def _sized(value: Any) -> Any:
 def _column(values: list[Any]) -> Array:
     """A field's values in all messages as one array; None where a message lacks the field."""
     if any(isinstance(value, str) for value in values):
-        return np.array(["" if value is None else value for value in values], dtype=np.str_)
+        # As objects: in an array of words, each would take the space of the longest.
+        return np.array(["" if value is None else value for value in values], dtype=np.object_)
     if any(value is None for value in values):
         return np.array([np.nan if value is None else value for value in values], np.float64)
     if all(type(value) is int for value in values):

@@ -36,6 +36,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
     summaries = summarize(arguments.a), summarize(arguments.b)
     one, other = summaries
+    for bag, summary in zip((arguments.a, arguments.b), summaries, strict=True):
+        if summary.damage:
+            print(f"compare: {bag} is {summary.damage}", file=sys.stderr)
     topics = compare_recordings(one.recording, other.recording)
     recordings, note = _with_poses(one, other)
     metrics: tuple[dict[str, float], dict[str, float]] | str

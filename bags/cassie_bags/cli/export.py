@@ -28,17 +28,22 @@ def _parser() -> CommandParser:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from cassie_bags.bag.export import export
+    from cassie_bags.bag.export import export, fitting
+    from cassie_bags.bag.reader import BagIndex
     from cassie_bags.bag.tables import read_tables
     from cassie_bags.errors import BagError
 
     folder = arguments.output or Path(f"{stem(arguments.bag)}_{arguments.format}")
     unreadable: dict[str, str] = {}
-    tables = read_tables(arguments.bag, arguments.topics, unreadable)
+    index = BagIndex()
+    tables = read_tables(arguments.bag, arguments.topics, unreadable, index)
+    if index.damage:
+        print(f"export: {arguments.bag} is {index.damage}", file=sys.stderr)
     for topic, reason in unreadable.items():
         print(f"export: {topic} is left out: {reason}", file=sys.stderr)
     if not tables:
         raise BagError(f"{arguments.bag}: no topic can be read")
+    tables = {topic: fitting(table, arguments.format) for topic, table in tables.items()}
     for table in tables.values():
         for name in table.left_out:
             print(f"export: {table.topic}: {name} is too long, left out", file=sys.stderr)

@@ -34,14 +34,16 @@ def _run(arguments: argparse.Namespace) -> int:
     from cassie_bags.report.plots import save_curves, save_overview
     from cassie_bags.report.view import events_of_bag, view_of_bag
 
-    if arguments.fields:
-        curves = read_curves(arguments.bag, arguments.fields)
-        summary = summarize(arguments.bag)
+    curves = read_curves(arguments.bag, arguments.fields) if arguments.fields else []
+    summary = summarize(arguments.bag)
+    if summary.damage:
+        print(f"plot: {arguments.bag} is {summary.damage}", file=sys.stderr)
+    if curves:
         events = events_of_bag(summary)
         with new_files([path]) as (part,):
             save_curves(curves, summary.modes, events, name, part)
     else:
-        view = view_of_bag(arguments.bag, name)
+        view = view_of_bag(arguments.bag, name, summary)
         with new_files([path]) as (part,):
             save_overview(view, part)
     print(path)

@@ -56,6 +56,8 @@ def _run(arguments: argparse.Namespace) -> int:
         print("they agree" if verification.holds else "they do NOT agree")
     for gap in verification.gaps:
         print(f"gap: {gap}")
+    if verification.damage:
+        print(f"replay --verify: {arguments.file} is {verification.damage}", file=sys.stderr)
     if plot is not None:
         from cassie_bags.report.replayed import draw
 

@@ -30,6 +30,7 @@ from cassie_msgs.experiment.expectation import TRACKED
 
 _MAX_LABELS = 20  # labels of a panel
 _MAX_COLOURS = 10  # columns that the default colours distinguish
+_LARGEST = 1e300  # larger numbers than this overflow in axes
 
 
 def save_overview(view: View, path: Path) -> None:
@@ -104,12 +105,17 @@ def _draw(axes: Any, curve: Curve) -> None:
     count = len(curve.columns)
     if count > _MAX_COLOURS:
         axes.set_prop_cycle(color=matplotlib.colormaps["tab20"](range(_MAX_LABELS)))
-    for name, values in curve.columns.items():
-        axes.plot(curve.time, values, linewidth=0.7, label=name)
+    left_out = 0
+    for name, column in curve.columns.items():
+        values = np.asarray(column, np.float64)
+        beyond = np.abs(values) > _LARGEST
+        left_out += int(beyond.sum())
+        axes.plot(curve.time, np.where(beyond, np.nan, values), linewidth=0.7, label=name)
     if 1 < count <= _MAX_LABELS:
         columns, size = (1, 7) if count <= _MAX_COLOURS else (2, 6)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=size, ncols=columns)
     elif count > _MAX_LABELS:
         axes.text(1.0, 1.0, f"{count} entries", transform=axes.transAxes, color=GREY)
     unit = f" ({curve.unit})" if curve.unit else ""
-    axes.set_title(f"{curve.name}{unit}", fontsize=8)
+    note = f", without {left_out} values beyond {_LARGEST:g}" if left_out else ""
+    axes.set_title(f"{curve.name}{unit}{note}", fontsize=8)

@@ -30,8 +30,8 @@ def recorded_entry(bag: Path, name: str, folder: Path, *, film: bool) -> Entry:
     experiment = recorded_experiment(recording)
     title = name if experiment is None else heading(experiment.name, experiment.seed, name)
     view = view_of(recording, title, experiment, summary)
-    if not summary.complete:
-        note = "The bag is damaged or was not closed: what could be read is shown."
+    if summary.damage:
+        note = f"What could be read is shown: the bag is {summary.damage}."
         view = dataclasses.replace(view, notes=[*view.notes, note])
     versions = recording.metadata.get("cassie_versions", {})
     files = {key: str(path) for key, path in draw(view, folder, film=film).items()}

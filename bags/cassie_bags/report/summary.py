@@ -36,7 +36,7 @@ def summary_json(summary: Summary, falls: Mapping[int, float] | None) -> str:
 def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]:
     for file in summary.files:
         yield f"file         {file}"
-    yield f"size         {summary.size / 1e6:.1f} MB, {_whole(summary)}"
+    yield f"size         {summary.size / 1e6:.1f} MB, {summary.damage or 'whole'}"
     yield f"duration     {summary.duration:.2f} s of robot time{_speed(summary)}"
     yield ""
     rows: list[Sequence[str]] = [("topic", "type", "count", "Hz")]
@@ -60,14 +60,6 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
         lines = [f"at {time:.2f} s of episode {episode}" for episode, time in falls.items()]
         yield from _section("falls", lines or ["none"])
     yield from _origin(summary.metadata)
-
-
-def _whole(summary: Summary) -> str:
-    if summary.complete:
-        return "whole"
-    if summary.lost_bytes:
-        return f"damaged or not closed: {summary.lost_bytes} bytes could not be read; see recover"
-    return "not closed: see recover"
 
 
 def _speed(summary: Summary) -> str:

@@ -114,17 +114,18 @@ def view_of(
     )
 
 
-def view_of_bag(bag: Path, title: str) -> View:
+def view_of_bag(bag: Path, title: str, summary: Summary | None = None) -> View:
     """View of any bag, of an experiment or of a drive by hand.
 
     Args:
         bag: MCAP file, or a folder as `ros2 bag` writes it.
         title: Title of the run, if the bag has no experiment.
+        summary: Summary of the bag, if there is one already.
 
     Raises:
         BagError: as `view_of`, and if the bag cannot be read.
     """
-    summary = summarize(bag)
+    summary = summarize(bag) if summary is None else summary
     experiment = recorded_experiment(summary.recording)
     if experiment is not None:
         title = f"{experiment.name}, seed {experiment.seed}"

@@ -13,7 +13,7 @@ import numpy as np
 
 from cassie_bags.bag.node_events import EVENTS_TOPIC, IN_FORCE_TOPIC, RecordedEvent, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
-from cassie_bags.bag.recording import lane_rows, sample_bytes
+from cassie_bags.bag.recording import lane_rows, require_layouts, sample_bytes
 from cassie_bags.bag.rows import Rows
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
@@ -103,6 +103,7 @@ class RecordedLane:
                 raise BagError(
                     f"{path}: a message of {len(raw)} bytes on {topic} is of another type"
                 )
+        require_layouts((topic for topic, rows in self.rows.items() if rows), self.index)
         if not self.rows[MotorCommand.TOPIC] and not self.rows[RobotState.TOPIC]:
             raise BagError(f"{path} has neither states nor motor commands")
         self._leave_out_strays()

@@ -120,11 +120,13 @@ class Verification:
         gaps: Messages that could not be replayed, and why, in words.
         environment_changes: Differences of machine and libraries from those of the recording; empty
             if there are none, or if the bag does not name them.
+        damage: What is wrong with the bag; see `BagIndex`.
     """
 
     replayed: Mapping[str, Replayed]
     gaps: Sequence[str] = field(default_factory=list)
     environment_changes: Sequence[str] = field(default_factory=list)
+    damage: str = ""
 
     @property
     def differences(self) -> list[Difference]:
@@ -184,7 +186,8 @@ def verify(
         done += len(lane.rows[core.KIND.TOPIC])
         gaps += [*replay.gaps, *replay.silences()]
     recorded = lane.index.metadata.get("cassie_environment")
-    return Verification(replayed, gaps, changes_of_environment(recorded) if recorded else [])
+    changed = changes_of_environment(recorded) if recorded else []
+    return Verification(replayed, gaps, changed, lane.index.damage)
 
 
 class _Core(ABC, Generic[GuardedT]):
