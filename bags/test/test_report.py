@@ -132,8 +132,9 @@ def test_reasons_and_faults_stand_at_the_time_of_the_episode_that_is_shown():
     """Times of a bag go on over episodes; those of a track begin anew."""
     recording = glide(2.0, episode=2)
     summary = Summary(
-        files=(), size=0, complete=True, lost_bytes=0, duration=12.0, wall_time=0.0, topics=(),
-        gaps=(), strays=(), episodes=[Interval("1", 0.0, 10.0), Interval("2", 10.0, 12.0)],
+        files=(), size=0, complete=True, lost_bytes=0, damage="", duration=12.0, wall_time=0.0,
+        topics=(), gaps=(), strays=(),
+        episodes=[Interval("1", 0.0, 10.0), Interval("2", 10.0, 12.0)],
         modes=[Interval("walk", 0.02, 10.0, "before"), Interval("walk", 10.02, 12.0, "it asked")],
         faults=[Interval("old", 1.0, 2.0), Interval("late", 9.0, 11.0)],
         has_status=True,
