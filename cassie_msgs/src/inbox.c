@@ -58,6 +58,8 @@ typedef struct
   size_t length;
   size_t capacity;
   uint64_t number;
+  int64_t sent;      // by its writer's clock, in ns
+  int64_t received;  // in ns of wall time
   uint8_t writer[RMW_GID_STORAGE_SIZE];
   rcl_serialized_message_t message;
   int descriptor;  // becomes readable when a message comes
@@ -142,6 +144,8 @@ int inbox_take(inbox_t * inbox, const rcl_subscription_t * subscription)
   inbox->length = inbox->message.buffer_length;
   inbox->capacity = inbox->message.buffer_capacity;
   inbox->number = info.publication_sequence_number;
+  inbox->sent = info.source_timestamp;
+  inbox->received = info.received_timestamp;
   memcpy(inbox->writer, info.publisher_gid.data, RMW_GID_STORAGE_SIZE);
   return LOOK;
 }

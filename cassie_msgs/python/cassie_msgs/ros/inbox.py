@@ -39,6 +39,8 @@ class _Taken(ctypes.Structure):
         ("length", ctypes.c_size_t),
         ("capacity", ctypes.c_size_t),
         ("number", ctypes.c_uint64),
+        ("sent", ctypes.c_int64),
+        ("received", ctypes.c_int64),
         ("writer", ctypes.c_uint8 * 16),
     )
 
@@ -197,6 +199,12 @@ class Inbox:
         """Sequence number, by its writer, of the message taken last; None if DDS has none."""
         number = int(self._taken.number)
         return None if number == _UNKNOWN else number
+
+
+    @property
+    def times(self) -> tuple[int, int]:
+        """When the message taken last was sent, by its writer's clock, and received. In ns."""
+        return int(self._taken.sent), int(self._taken.received)
 
 
 def _close(handle: Any, descriptor: int, inbox: int) -> None:
