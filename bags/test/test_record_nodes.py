@@ -21,15 +21,18 @@ from test_looking import write_mixed_bag
 pytest.importorskip("rclpy")
 
 import rclpy
+from builtin_interfaces.msg import Time
 from mcap.reader import make_reader
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -47,11 +50,11 @@ from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import record as record_command
 from cassie_bags.cli import replay as replay_command
 from cassie_bags.errors import BagError, RunError
-from cassie_bags.ros import replay
+from cassie_bags.ros import recorded_topic, replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
-from cassie_msgs.layout import RobotState
+from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.ros.fast_lane import WRITER
 
 TIMEOUT = 20.0
@@ -253,6 +256,113 @@ def late_messages(seconds: float, begin: float) -> dict[str, list[bytes]]:
     return messages
 
 
+def log_times(bag: Path) -> dict[str, list[int]]:
+    """Log times of a bag's messages by topic, in the order in which they were written. In ns."""
+    times: dict[str, list[int]] = {}
+    for topic, log_time, *_ in read_messages(bag, None):
+        times.setdefault(topic, []).append(log_time)
+    return times
+
+
+def test_a_strangers_sample_is_recorded_at_the_robots_time_of_its_receipt(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag, messages = tmp_path / "bag.mcap", glide_messages(1.0)
+    start_recorder(processes, bag)
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
+    stranger = node.create_publisher(message_class(Sensors.TYPE), Sensors.TOPIC, WRITER)
+    wait_until(lambda: stranger.get_subscription_count() == 1)
+    stray = Sensors()
+    stray.episode[...], stray.stamp_ns = 2**31, 10**18
+    stranger.publish(stray.to_bytes())
+    time.sleep(0.5)
+    processes.stop("record")
+    times = log_times(bag)
+    assert max(times[Sensors.TOPIC]) == 998_000_000 == times[Sensors.TOPIC][-1]
+    assert max(max(each) for each in times.values()) < 1_100_000_000
+    assert len(times[Sensors.TOPIC]) == len(set(times[Sensors.TOPIC])) + 2  # repeated: the first
+    assert "1.0" in processes.log("record").read_text().partition(" topics, ")[2]
+
+
+def clock_message(seconds: float) -> Clock:
+    whole, part = divmod(round(seconds * 1e9), 1_000_000_000)
+    return Clock(clock=Time(sec=whole, nanosec=part))
+
+
+def test_a_clock_that_is_reset_or_jumps_keeps_one_time_axis(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    clock, text = node.create_publisher(Clock, "/clock", 100), latched(node)
+    start_recorder(processes, bag, "/clock", "/robot_description")
+    wait_until(lambda: clock.get_subscription_count() * text.get_subscription_count() == 1)
+    for tick in range(200):
+        clock.publish(clock_message(tick % 100 * 0.01))
+        text.publish(String(data="<robot/>"))
+        if tick == 50:
+            clock.publish(clock_message(1e9))
+        time.sleep(0.01)
+    processes.stop("record")
+    times = log_times(bag)
+    assert len(times["/clock"]) == 201
+    for each in times.values():
+        assert each == sorted(each)
+        assert each[-1] == pytest.approx(2e9, abs=0.1e9)
+    assert len(set(times["/robot_description"])) > 190  # each its own, not one of a batch
+
+
+def test_each_message_without_a_stamp_has_the_times_of_its_own(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    """Not those of the recorder's batch."""
+    bag = tmp_path / "bag.mcap"
+    publisher = node.create_publisher(String, "/text", 1000)
+    start_recorder(processes, bag, "/text")
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    sent = []
+    for number in range(500):
+        publisher.publish(String(data=str(number)))
+        sent.append(time.time_ns())
+        time.sleep(0.002)
+    processes.stop("record")
+    rows = [(log, published) for _, log, published, _ in read_messages(bag)]
+    assert len(rows) == 500
+    assert len({log for log, _ in rows}) == len({published for _, published in rows}) == 500
+    errors = [abs(ours - theirs) for ours, (_, theirs) in zip(sent, rows, strict=True)]
+    assert sorted(errors)[len(errors) // 2] < 1_000_000
+
+
+def test_writers_of_every_quality_of_service_are_recorded(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    """Also one that joins later and offers less than the first, and what is latched."""
+    bag = tmp_path / "bag.mcap"
+    offers = [
+        QoSProfile(depth=100),
+        QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT),
+        QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    ]
+    first = node.create_publisher(String, "/text", offers[0])
+    start_recorder(processes, bag, "/text")
+    wait_until(lambda: first.get_subscription_count() == 1)
+    others = [node.create_publisher(String, "/text", offer) for offer in offers[1:]]
+    for name in "12":
+        others[1].publish(String(data=f"latched {name}"))
+    wait_until(lambda: others[0].get_subscription_count() == 1)
+    wait_until(lambda: others[1].get_subscription_count() == 3)
+    time.sleep(0.5)
+    for number in range(300):
+        for index, publisher in enumerate((first, *others)):
+            publisher.publish(String(data=f"{index} {number}"))
+        time.sleep(0.002)
+    processes.stop("record")
+    assert "lost" not in processes.log("record").read_text()
+    texts = [deserialize_message(raw, String).data for *_, raw in read_messages(bag)]
+    assert texts[:2] == ["latched 1", "latched 2"]
+    expected = {f"{index} {number}" for index in range(3) for number in range(300)}
+    assert set(texts[2:]) == expected and len(texts) == len(expected) + 2
+
+
 def latched(node: Node) -> Any:
     qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = node.create_publisher(String, "/robot_description", qos)
@@ -264,11 +374,12 @@ def test_a_recording_begun_late_begins_at_the_robots_time(
     processes: Processes, node: Node, tmp_path: Path
 ):
     bag = tmp_path / "bag.mcap"
+    messages = late_messages(2.0, 30.0)
     publisher = latched(node)
     start_recorder(processes, bag)
     wait_until(lambda: publisher.get_subscription_count() == 1)
     time.sleep(0.5)  # it has the description before anything tells robot time
-    publish_all(node, late_messages(2.0, 30.0), lambda: processes.printed("record", COMPLETE))
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
     processes.stop("record")
     with AnyReader([bag]) as reader:
         assert reader.topics["/robot_description"].msgcount == 1
@@ -451,21 +562,22 @@ def test_a_replay_publishes_every_message_with_its_type(
         assert reader.topics["/clock"].msgcount > 10
 
 
-def test_messages_that_did_not_come_are_counted_by_topic(node: Node):
+def test_messages_that_did_not_come_are_counted_by_topic(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+):
     state = message_class("cassie_msgs/msg/RobotState")
     publishers = [node.create_publisher(state, "/cassie/state", 100) for _ in range(2)]
-    topic = RecordedTopic(
-        node, "cassie_msgs/msg/RobotState", "/cassie/state", QoSProfile(depth=10), 1
-    )
-    wait_until(lambda: topic.matched == 2)
+    monkeypatch.setattr(recorded_topic, "DEPTH", 10)
+    topic = RecordedTopic(node, "cassie_msgs/msg/RobotState", "/cassie/state")
+    wait_until(lambda: topic.subscriptions[0].matched == 2)
     raw = glide_messages(0.01)["/cassie/state"][0]
     publishers[0].publish(raw)
-    wait_until(lambda: topic.take_raw() is not None)
+    wait_until(lambda: bool(topic.take()))
     for _ in range(25):  # the queue holds the last ten
         publishers[0].publish(raw)
     time.sleep(0.5)
     publishers[1].publish(raw)
-    wait_until(lambda: topic.take_raw() is None)
+    wait_until(lambda: not topic.take())
     assert topic.lost in (15, 16)  # of the other writer's the first may push out one more
 
 
