@@ -29,11 +29,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.serialization import deserialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
-from std_msgs.msg import String
+from std_msgs.msg import String, UInt64
 from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.continuity import gaps
@@ -45,6 +45,7 @@ from cassie_bags.bag.recording import (
     read_recording,
 )
 from cassie_bags.bag.recover import recover
+from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.bag.summary import summarize
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import record as record_command
@@ -464,6 +465,46 @@ def test_a_service_begins_and_ends_recordings(processes: Processes, node: Node, 
     assert len(list(tmp_path.glob("*.mcap"))) == 3
 
 
+def test_a_recording_begun_by_a_service_takes_the_next_free_name(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    (tmp_path / "bag_2.mcap").write_text("of another recording")
+    start_recorder(processes, tmp_path / "bag.mcap")
+    for name in ("bag.mcap", "bag_3.mcap"):
+        answer = call(node, SetBool, "/recorder/record", SetBool.Request(data=False))
+        assert answer.success and name in answer.message
+        assert call(node, SetBool, "/recorder/record", SetBool.Request(data=True)).success
+    assert (tmp_path / "bag_4.mcap").exists()
+    assert (tmp_path / "bag_2.mcap").read_text() == "of another recording"
+
+
+def test_a_split_before_robot_time_is_known_keeps_what_came_in_the_first_file(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    folder = tmp_path / "bag"
+    publisher = node.create_publisher(String, "/text", 100)
+    start_recorder(processes, folder, "/text")
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for part in range(2):
+        for number in range(50):
+            publisher.publish(String(data=f"{part} {number}"))
+        time.sleep(0.3)
+        if part == 0:
+            assert call(node, Trigger, "/recorder/split", Trigger.Request()).success
+    processes.stop("record")
+    for part in range(2):
+        rows = read_messages(folder / f"bag_{part}.mcap")
+        texts = [deserialize_message(raw, String).data for *_, raw in rows]
+        assert texts == [f"{part} {number}" for number in range(50)]
+
+
+def test_a_file_size_that_definitions_alone_exceed_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        record_command.parse(["-o", "folder", "-b", "30000"])
+    assert "30000 is less than 1000000 bytes" in capsys.readouterr().err
+    assert record_command.parse(["-o", "folder", "-b", "1000000"]).max_bag_size == 1_000_000
+
+
 def test_parameters_of_all_nodes_their_changes_and_files_are_kept(
     processes: Processes, node: Node, tmp_path: Path
 ):
@@ -668,6 +709,69 @@ def test_a_part_of_a_folder_of_ros2_bag_is_replayed(
     processes.check("replay")
     heard.wait_for(heard.quiet)
     assert heard.seqs == list(range(250, 351))
+
+
+def write_texts(path: Path, qos: Qos) -> None:
+    """A bag with three early texts, and numbers for 2 s afterwards."""
+    with BagWriter(path) as bag:
+        text = bag.add_topic("/text", "std_msgs/msg/String", qos)
+        number = bag.add_topic("/number", "std_msgs/msg/UInt64")
+        for index in range(3):
+            raw = serialize_message(String(data=f"latched {index}"))
+            bag.write(text, raw, index, index)
+        for index in range(200):
+            when = index * 10_000_000
+            bag.write(number, serialize_message(UInt64(data=index)), when, when)
+
+
+@pytest.mark.parametrize("start", [[], ["--start", "1.5"]])
+def test_a_replay_latches_what_was_latched(
+    processes: Processes, node: Node, tmp_path: Path, start: list[str]
+):
+    bag = tmp_path / "bag.mcap"
+    write_texts(bag, Qos(durability="transient_local", depth=1))
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "-p", *start])
+    wait_until(lambda: node.count_publishers("/text") == 1)
+    time.sleep(0.5)
+    texts: list[str] = []
+    qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(String, "/text", lambda message: texts.append(message.data), qos)
+    if not start:
+        request = SetBool.Request(data=False)
+        assert call(node, SetBool, "/replay/pause", request).success
+    wait_until(lambda: spin(node) and len(texts) == 3)
+    assert texts == [f"latched {index}" for index in range(3)]
+
+
+def test_a_seek_forward_publishes_what_is_latched_on_the_way(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_texts(bag, Qos(durability="transient_local"))
+    heard = Listener(node)
+    texts: list[str] = []
+    node.create_subscription(String, "/text", lambda message: texts.append(message.data), 10)
+    words = [executable("cassie_bags", "replay"), bag, "--start-paused", "--wait", "2"]
+    processes.start("replay", words)
+    heard.wait_for(lambda: texts == ["latched 0"])
+    assert heard.set("position", 1.0)
+    heard.wait_for(lambda: texts == [f"latched {index}" for index in range(3)])
+    processes.stop("replay")
+
+
+def test_a_replay_offers_the_quality_of_service_that_was_recorded(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_texts(bag, Qos(reliability="best_effort"))
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "-p"])
+    wait_until(lambda: node.count_publishers("/text") * node.count_publishers("/number") == 1)
+    (text,) = node.get_publishers_info_by_topic("/text")
+    (number,) = node.get_publishers_info_by_topic("/number")
+    assert text.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert number.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert text.qos_profile.durability == DurabilityPolicy.VOLATILE
+    processes.stop("replay")
 
 
 def test_keys_on_a_terminal_steer_a_replay(processes: Processes, node: Node, tmp_path: Path):

@@ -16,6 +16,7 @@ import time
 from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from concurrent import futures
+from itertools import count
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -101,6 +102,7 @@ class Recorder(Node):
         self._metadata = _metadata(arguments.metadata)
         self._requests: queue.Queue[tuple[Callable[[], str], futures.Future[str]]] = queue.Queue()
         self._session: Session | None = None
+        self._next_output: Path | None = None
         # It has no low priority: messages that it cannot take in time are lost.
         self._scheduling = Scheduling(self.get_logger().info, Place.OPERATOR)
         if not arguments.start_paused:
@@ -135,14 +137,15 @@ class Recorder(Node):
     def _begin(self) -> str:
         if self._session is not None:
             raise BagError(f"{self._session.path} is being recorded")
+        self._arguments.output = self._next_output or self._arguments.output
         self._session = Session(self, self._arguments, self._metadata, self._scheduling)
-        self._arguments.output = _next_name(self._session.path)
         text = f"recording to {self._session.path}"
         print(text, file=sys.stderr, flush=True)
         return text
 
     def _end(self) -> str:
         session, self._session = self._running, None
+        self._next_output = _next_name(session.path)
         return session.close()
 
     def _split(self) -> str:
@@ -278,13 +281,15 @@ class Session:
         return summary
 
     def split(self) -> None:
-        """Continue in a new file.
+        """Continue in a new file; the present one gets all messages that have come.
 
         Raises:
             BagError: if this recording is a single file.
         """
         if not isinstance(self._bag, FolderWriter):
             raise BagError(f"{self.path} is a single file: give a folder with -o")
+        self._drain()
+        self._write_waiting()
         self._bag.split()
 
     def wake(self) -> None:
@@ -461,10 +466,12 @@ def _writer(arguments: argparse.Namespace) -> BagWriter:
 
 
 def _next_name(path: Path) -> Path:
-    """A name for the recording after this one: bag.mcap, bag_2.mcap, bag_3.mcap."""
+    """A free name for the recording after this one: bag.mcap, bag_2.mcap, bag_3.mcap."""
     stem, _, last = path.stem.rpartition("_")
     number = int(last) + 1 if stem and last.isdecimal() and len(last) < 4 else 2
-    return path.with_name(f"{stem if number > 2 else path.stem}_{number}{path.suffix}")
+    stem = stem if number > 2 else path.stem
+    names = (path.with_name(f"{stem}_{each}{path.suffix}") for each in count(number))
+    return next(name for name in names if not name.exists())
 
 
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:
