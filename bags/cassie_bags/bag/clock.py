@@ -127,9 +127,7 @@ class RobotClock:
 
         The times of all samples received until then must have been taken in by `time_of`.
         """
-        if not received:
-            return []
-        if self._wall_start is not None:
+        if self._wall_start is not None and received:
             self._note(max(received), self._on_wall(max(received)))
         self._points.sort()
         if not self._points:
