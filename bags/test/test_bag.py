@@ -17,7 +17,6 @@ from rosbags.highlevel import AnyReader
 from same import differences
 from synthetic import TICK_NS, glide_messages
 
-from cassie_bags.bag.clock import RobotClock
 from cassie_bags.bag.continuity import SeqMonitor, gaps
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
@@ -251,55 +250,6 @@ def test_a_bag_may_be_named_by_a_word(bag: Path, tmp_path: Path):
     assert len(read_recording(str(bag)).truth) == 1000
     assert recover(str(bag), str(tmp_path / "saved.mcap")).complete
     assert summarize(str(bag)).problems == []
-
-
-def test_a_late_recording_begins_at_the_robots_time():
-    clock = RobotClock()
-    assert not clock.known
-    sample = RobotState()
-    sample.episode[...] = 3
-    sample.stamp_ns = 30_500_000_000
-    assert clock.time_of(RobotState.TOPIC, sample.to_bytes(), 0) == 30_500_000_000
-    assert clock.known
-    assert clock.time_of("/robot_description", b"", 10**9) == 30_500_000_000
-
-
-def test_the_last_message_of_an_episode_keeps_its_time_behind_the_first_of_the_next():
-    clock, sample = RobotClock(), RobotState()
-
-    def time_of(episode: int, stamp_ns: int) -> int:
-        sample.episode[...], sample.stamp_ns = episode, stamp_ns
-        return clock.time_of(RobotState.TOPIC, sample.to_bytes(), 0)
-
-    assert [time_of(7, stamp) for stamp in (0, 2_000_000, 4_000_000)] == [0, 2_000_000, 4_000_000]
-    assert time_of(8, 0) == 4_000_000
-    assert time_of(8, 2_000_000) == 6_000_000
-    assert time_of(7, 6_000_000) == 6_000_000
-    assert time_of(6, 9_000_000) == clock.now == 6_000_000  # of an episode that was not heard of
-    assert time_of(8, 4_000_000) == 8_000_000
-
-
-def test_a_topic_that_is_read_long_after_another_one_keeps_its_own_time():
-    """A recorder was held up: 0.6 s of the ground truth got the time of the newest sample."""
-    messages, clock = glide_messages(4.0), RobotClock()
-    times = {
-        topic: [clock.time_of(topic, raw, 0) for raw in messages[topic]]
-        for topic in (RobotState.TOPIC, Sensors.TOPIC, GROUND_TRUTH_TOPIC)
-    }
-    assert times[GROUND_TRUTH_TOPIC] == times[Sensors.TOPIC]
-    assert times[Sensors.TOPIC] == [tick * TICK_NS for tick in range(2000)]
-
-
-def test_without_a_robot_time_runs_as_the_wall_clock():
-    clock = RobotClock()
-    clock.run_on_wall(5_000)
-    assert [clock.time_of("/joy", b"", wall) for wall in (5_000, 7_000)] == [0, 2_000]
-    sample = RobotState()
-    sample.stamp_ns = 30_500_000_000
-    assert clock.time_of(RobotState.TOPIC, sample.to_bytes(), 9_000) == 2_000  # no leap
-    sample.stamp_ns += 300
-    assert clock.time_of(RobotState.TOPIC, sample.to_bytes(), 9_000) == 2_300
-    assert clock.time_of("/joy", b"", 10_000) == 2_300
 
 
 def test_a_chunk_also_ends_after_a_fifth_of_a_second_of_wall_time(tmp_path: Path, messages):

@@ -56,9 +56,9 @@ def test_a_step_plays_all_messages_of_the_next_time():
 def test_seeking_plays_from_there_and_stays_inside():
     playback = Playback(TIMES)
     due(playback, 0)
-    playback.seek(3_000, 100)
+    assert list(playback.seek(3_000, 100)) == [2]
     assert due(playback, 100) == [3]
-    playback.seek(-5, 200)
+    assert not playback.seek(-5, 200)
     assert due(playback, 200) == [0, 1]
     playback.seek(99_000, 300)
     assert due(playback, 300) == [4] and playback.finished

@@ -21,16 +21,19 @@ from test_looking import write_mixed_bag
 pytest.importorskip("rclpy")
 
 import rclpy
+from builtin_interfaces.msg import Time
 from mcap.reader import make_reader
 from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
-from std_msgs.msg import String
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String, UInt64
 from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.continuity import gaps
@@ -42,16 +45,17 @@ from cassie_bags.bag.recording import (
     read_recording,
 )
 from cassie_bags.bag.recover import recover
+from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.bag.summary import summarize
 from cassie_bags.bag.writer import BagWriter
 from cassie_bags.cli import record as record_command
 from cassie_bags.cli import replay as replay_command
 from cassie_bags.errors import BagError, RunError
-from cassie_bags.ros import replay
+from cassie_bags.ros import recorded_topic, replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
-from cassie_msgs.layout import RobotState
+from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.ros.fast_lane import WRITER
 
 TIMEOUT = 20.0
@@ -253,6 +257,113 @@ def late_messages(seconds: float, begin: float) -> dict[str, list[bytes]]:
     return messages
 
 
+def log_times(bag: Path) -> dict[str, list[int]]:
+    """Log times of a bag's messages by topic, in the order in which they were written. In ns."""
+    times: dict[str, list[int]] = {}
+    for topic, log_time, *_ in read_messages(bag, None):
+        times.setdefault(topic, []).append(log_time)
+    return times
+
+
+def test_a_strangers_sample_is_recorded_at_the_robots_time_of_its_receipt(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag, messages = tmp_path / "bag.mcap", glide_messages(1.0)
+    start_recorder(processes, bag)
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
+    stranger = node.create_publisher(message_class(Sensors.TYPE), Sensors.TOPIC, WRITER)
+    wait_until(lambda: stranger.get_subscription_count() == 1)
+    stray = Sensors()
+    stray.episode[...], stray.stamp_ns = 2**31, 10**18
+    stranger.publish(stray.to_bytes())
+    time.sleep(0.5)
+    processes.stop("record")
+    times = log_times(bag)
+    assert max(times[Sensors.TOPIC]) == 998_000_000 == times[Sensors.TOPIC][-1]
+    assert max(max(each) for each in times.values()) < 1_100_000_000
+    assert len(times[Sensors.TOPIC]) == len(set(times[Sensors.TOPIC])) + 2  # repeated: the first
+    assert "1.0" in processes.log("record").read_text().partition(" topics, ")[2]
+
+
+def clock_message(seconds: float) -> Clock:
+    whole, part = divmod(round(seconds * 1e9), 1_000_000_000)
+    return Clock(clock=Time(sec=whole, nanosec=part))
+
+
+def test_a_clock_that_is_reset_or_jumps_keeps_one_time_axis(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    clock, text = node.create_publisher(Clock, "/clock", 100), latched(node)
+    start_recorder(processes, bag, "/clock", "/robot_description")
+    wait_until(lambda: clock.get_subscription_count() * text.get_subscription_count() == 1)
+    for tick in range(200):
+        clock.publish(clock_message(tick % 100 * 0.01))
+        text.publish(String(data="<robot/>"))
+        if tick == 50:
+            clock.publish(clock_message(1e9))
+        time.sleep(0.01)
+    processes.stop("record")
+    times = log_times(bag)
+    assert len(times["/clock"]) == 201
+    for each in times.values():
+        assert each == sorted(each)
+        assert each[-1] == pytest.approx(2e9, abs=0.1e9)
+    assert len(set(times["/robot_description"])) > 190  # each its own, not one of a batch
+
+
+def test_each_message_without_a_stamp_has_the_times_of_its_own(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    """Not those of the recorder's batch."""
+    bag = tmp_path / "bag.mcap"
+    publisher = node.create_publisher(String, "/text", 1000)
+    start_recorder(processes, bag, "/text")
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    sent = []
+    for number in range(500):
+        publisher.publish(String(data=str(number)))
+        sent.append(time.time_ns())
+        time.sleep(0.002)
+    processes.stop("record")
+    rows = [(log, published) for _, log, published, _ in read_messages(bag)]
+    assert len(rows) == 500
+    assert len({log for log, _ in rows}) == len({published for _, published in rows}) == 500
+    errors = [abs(ours - theirs) for ours, (_, theirs) in zip(sent, rows, strict=True)]
+    assert sorted(errors)[len(errors) // 2] < 1_000_000
+
+
+def test_writers_of_every_quality_of_service_are_recorded(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    """Also one that joins later and offers less than the first, and what is latched."""
+    bag = tmp_path / "bag.mcap"
+    offers = [
+        QoSProfile(depth=100),
+        QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT),
+        QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+    ]
+    first = node.create_publisher(String, "/text", offers[0])
+    start_recorder(processes, bag, "/text")
+    wait_until(lambda: first.get_subscription_count() == 1)
+    others = [node.create_publisher(String, "/text", offer) for offer in offers[1:]]
+    for name in "12":
+        others[1].publish(String(data=f"latched {name}"))
+    wait_until(lambda: others[0].get_subscription_count() == 1)
+    wait_until(lambda: others[1].get_subscription_count() == 3)
+    time.sleep(0.5)
+    for number in range(300):
+        for index, publisher in enumerate((first, *others)):
+            publisher.publish(String(data=f"{index} {number}"))
+        time.sleep(0.002)
+    processes.stop("record")
+    assert "lost" not in processes.log("record").read_text()
+    texts = [deserialize_message(raw, String).data for *_, raw in read_messages(bag)]
+    assert texts[:2] == ["latched 1", "latched 2"]
+    expected = {f"{index} {number}" for index in range(3) for number in range(300)}
+    assert set(texts[2:]) == expected and len(texts) == len(expected) + 2
+
+
 def latched(node: Node) -> Any:
     qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = node.create_publisher(String, "/robot_description", qos)
@@ -264,11 +375,12 @@ def test_a_recording_begun_late_begins_at_the_robots_time(
     processes: Processes, node: Node, tmp_path: Path
 ):
     bag = tmp_path / "bag.mcap"
+    messages = late_messages(2.0, 30.0)
     publisher = latched(node)
     start_recorder(processes, bag)
     wait_until(lambda: publisher.get_subscription_count() == 1)
     time.sleep(0.5)  # it has the description before anything tells robot time
-    publish_all(node, late_messages(2.0, 30.0), lambda: processes.printed("record", COMPLETE))
+    publish_all(node, messages, lambda: processes.printed("record", COMPLETE))
     processes.stop("record")
     with AnyReader([bag]) as reader:
         assert reader.topics["/robot_description"].msgcount == 1
@@ -351,6 +463,46 @@ def test_a_service_begins_and_ends_recordings(processes: Processes, node: Node, 
     processes.stop("record")
     processes.check("record")
     assert len(list(tmp_path.glob("*.mcap"))) == 3
+
+
+def test_a_recording_begun_by_a_service_takes_the_next_free_name(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    (tmp_path / "bag_2.mcap").write_text("of another recording")
+    start_recorder(processes, tmp_path / "bag.mcap")
+    for name in ("bag.mcap", "bag_3.mcap"):
+        answer = call(node, SetBool, "/recorder/record", SetBool.Request(data=False))
+        assert answer.success and name in answer.message
+        assert call(node, SetBool, "/recorder/record", SetBool.Request(data=True)).success
+    assert (tmp_path / "bag_4.mcap").exists()
+    assert (tmp_path / "bag_2.mcap").read_text() == "of another recording"
+
+
+def test_a_split_before_robot_time_is_known_keeps_what_came_in_the_first_file(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    folder = tmp_path / "bag"
+    publisher = node.create_publisher(String, "/text", 100)
+    start_recorder(processes, folder, "/text")
+    wait_until(lambda: publisher.get_subscription_count() == 1)
+    for part in range(2):
+        for number in range(50):
+            publisher.publish(String(data=f"{part} {number}"))
+        time.sleep(0.3)
+        if part == 0:
+            assert call(node, Trigger, "/recorder/split", Trigger.Request()).success
+    processes.stop("record")
+    for part in range(2):
+        rows = read_messages(folder / f"bag_{part}.mcap")
+        texts = [deserialize_message(raw, String).data for *_, raw in rows]
+        assert texts == [f"{part} {number}" for number in range(50)]
+
+
+def test_a_file_size_that_definitions_alone_exceed_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        record_command.parse(["-o", "folder", "-b", "30000"])
+    assert "30000 is less than 1000000 bytes" in capsys.readouterr().err
+    assert record_command.parse(["-o", "folder", "-b", "1000000"]).max_bag_size == 1_000_000
 
 
 def test_parameters_of_all_nodes_their_changes_and_files_are_kept(
@@ -451,21 +603,22 @@ def test_a_replay_publishes_every_message_with_its_type(
         assert reader.topics["/clock"].msgcount > 10
 
 
-def test_messages_that_did_not_come_are_counted_by_topic(node: Node):
+def test_messages_that_did_not_come_are_counted_by_topic(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+):
     state = message_class("cassie_msgs/msg/RobotState")
     publishers = [node.create_publisher(state, "/cassie/state", 100) for _ in range(2)]
-    topic = RecordedTopic(
-        node, "cassie_msgs/msg/RobotState", "/cassie/state", QoSProfile(depth=10), 1
-    )
-    wait_until(lambda: topic.matched == 2)
+    monkeypatch.setattr(recorded_topic, "DEPTH", 10)
+    topic = RecordedTopic(node, "cassie_msgs/msg/RobotState", "/cassie/state")
+    wait_until(lambda: topic.subscriptions[0].matched == 2)
     raw = glide_messages(0.01)["/cassie/state"][0]
     publishers[0].publish(raw)
-    wait_until(lambda: topic.take_raw() is not None)
+    wait_until(lambda: bool(topic.take()))
     for _ in range(25):  # the queue holds the last ten
         publishers[0].publish(raw)
     time.sleep(0.5)
     publishers[1].publish(raw)
-    wait_until(lambda: topic.take_raw() is None)
+    wait_until(lambda: not topic.take())
     assert topic.lost in (15, 16)  # of the other writer's the first may push out one more
 
 
@@ -556,6 +709,69 @@ def test_a_part_of_a_folder_of_ros2_bag_is_replayed(
     processes.check("replay")
     heard.wait_for(heard.quiet)
     assert heard.seqs == list(range(250, 351))
+
+
+def write_texts(path: Path, qos: Qos) -> None:
+    """A bag with three early texts, and numbers for 2 s afterwards."""
+    with BagWriter(path) as bag:
+        text = bag.add_topic("/text", "std_msgs/msg/String", qos)
+        number = bag.add_topic("/number", "std_msgs/msg/UInt64")
+        for index in range(3):
+            raw = serialize_message(String(data=f"latched {index}"))
+            bag.write(text, raw, index, index)
+        for index in range(200):
+            when = index * 10_000_000
+            bag.write(number, serialize_message(UInt64(data=index)), when, when)
+
+
+@pytest.mark.parametrize("start", [[], ["--start", "1.5"]])
+def test_a_replay_latches_what_was_latched(
+    processes: Processes, node: Node, tmp_path: Path, start: list[str]
+):
+    bag = tmp_path / "bag.mcap"
+    write_texts(bag, Qos(durability="transient_local", depth=1))
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "-p", *start])
+    wait_until(lambda: node.count_publishers("/text") == 1)
+    time.sleep(0.5)
+    texts: list[str] = []
+    qos = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(String, "/text", lambda message: texts.append(message.data), qos)
+    if not start:
+        request = SetBool.Request(data=False)
+        assert call(node, SetBool, "/replay/pause", request).success
+    wait_until(lambda: spin(node) and len(texts) == 3)
+    assert texts == [f"latched {index}" for index in range(3)]
+
+
+def test_a_seek_forward_publishes_what_is_latched_on_the_way(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_texts(bag, Qos(durability="transient_local"))
+    heard = Listener(node)
+    texts: list[str] = []
+    node.create_subscription(String, "/text", lambda message: texts.append(message.data), 10)
+    words = [executable("cassie_bags", "replay"), bag, "--start-paused", "--wait", "2"]
+    processes.start("replay", words)
+    heard.wait_for(lambda: texts == ["latched 0"])
+    assert heard.set("position", 1.0)
+    heard.wait_for(lambda: texts == [f"latched {index}" for index in range(3)])
+    processes.stop("replay")
+
+
+def test_a_replay_offers_the_quality_of_service_that_was_recorded(
+    processes: Processes, node: Node, tmp_path: Path
+):
+    bag = tmp_path / "bag.mcap"
+    write_texts(bag, Qos(reliability="best_effort"))
+    processes.start("replay", [executable("cassie_bags", "replay"), bag, "-p"])
+    wait_until(lambda: node.count_publishers("/text") * node.count_publishers("/number") == 1)
+    (text,) = node.get_publishers_info_by_topic("/text")
+    (number,) = node.get_publishers_info_by_topic("/number")
+    assert text.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    assert number.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert text.qos_profile.durability == DurabilityPolicy.VOLATILE
+    processes.stop("replay")
 
 
 def test_keys_on_a_terminal_steer_a_replay(processes: Processes, node: Node, tmp_path: Path):

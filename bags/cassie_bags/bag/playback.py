@@ -96,10 +96,21 @@ class Playback:
         self._anchor, self._wall = self.position(wall), wall
         self.rate = min(max(rate, RATES[0]), RATES[1])
 
-    def seek(self, time: int, wall: int) -> None:
-        """Continue from another log time, limited to the played part, at a wall time. In ns."""
+    def seek(self, time: int, wall: int) -> range:
+        """Continue from another log time, limited to the played part, at a wall time. In ns.
+
+        Returns:
+            Indices of the messages that are skipped; none after a seek backward.
+        """
+        before = self._index
         self._anchor, self._wall = min(max(time, self.begin), self.end), wall
         self._index = max(self._first, bisect_left(self._times, self._anchor))
+        return range(before, self._index)
+
+    @property
+    def before(self) -> range:
+        """Indices of the messages before the played part."""
+        return range(self._first)
 
     def step(self, wall: int) -> bool:
         """While paused, advance to the next time that has a message; False if there is none."""

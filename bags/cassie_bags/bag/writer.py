@@ -6,7 +6,7 @@ also on a busy machine.
 `cassie_bags.bag.recover` makes a file with an index from the rest.
 
 `log_time` is robot time (continued over episodes), so that a bag replays and plots on the
-robot's clock at any speed of the machine. `publish_time` is the time of receipt.
+robot's clock at any speed of the machine. `publish_time` is wall time, when the message was sent.
 """
 
 from __future__ import annotations
@@ -121,7 +121,13 @@ class BagWriter:
         return self._channels[topic]
 
     def write(
-        self, channel: int, data: bytes, log_time: int, wall_time: int, lost: int = 0
+        self,
+        channel: int,
+        data: bytes,
+        log_time: int,
+        wall_time: int,
+        lost: int = 0,
+        sent: int | None = None,
     ) -> None:
         """Append one message, with a sequence number that counts the topic's lost messages, too.
 
@@ -131,6 +137,7 @@ class BagWriter:
             log_time: Robot time. In ns.
             wall_time: Time of receipt. In ns; in a run without ROS, robot time again.
             lost: Number of messages of the topic that were lost so far.
+            sent: Time at which it was sent; by default that of receipt. In ns of wall time.
         """
         if self._first_log is not None:
             first, last = min(self._first_log, log_time), max(self._last_log, log_time)
@@ -144,7 +151,8 @@ class BagWriter:
         topic = self._topics[channel]
         topic.count += 1
         number = (topic.count + lost) & 0xFFFFFFFF
-        self._writer.add_message(channel, log_time, data, wall_time, number)
+        published = wall_time if sent is None else sent
+        self._writer.add_message(channel, log_time, data, published, number)
         self.flush_if_due(wall_time)
 
     def flush_if_due(self, wall_time: int) -> None:
@@ -256,7 +264,13 @@ class FolderWriter(BagWriter):
         return channel
 
     def write(
-        self, channel: int, data: bytes, log_time: int, wall_time: int, lost: int = 0
+        self,
+        channel: int,
+        data: bytes,
+        log_time: int,
+        wall_time: int,
+        lost: int = 0,
+        sent: int | None = None,
     ) -> None:
         """See `BagWriter.write`."""
         if self._began is not None and (
@@ -266,7 +280,7 @@ class FolderWriter(BagWriter):
             self.split()
         if self._began is None:
             self._began = log_time
-        super().write(channel, data, log_time, wall_time, lost)
+        super().write(channel, data, log_time, wall_time, lost, sent)
 
     def split(self) -> None:
         """Continue in a new file; the present one stays the last one if there can be no other."""

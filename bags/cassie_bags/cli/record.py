@@ -14,6 +14,9 @@ from cassie_bags.cli.frame import exit_codes, node_words
 MIB = 1 << 20
 """Bytes of a MiB."""
 
+LEAST_SIZE = 1_000_000
+"""Least size of a file of a folder, in bytes: definitions alone have 100 000."""
+
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Entry point of `ros2 run cassie_bags record`."""
@@ -45,8 +48,8 @@ def parse(words: Sequence[str]) -> argparse.Namespace:
     times.add_argument(
         "--wall-clock", action="store_true", help="log_time is wall time instead of robot time"
     )
-    about = "bytes after which a new file begins"
-    parser.value("-b --max-bag-size", "BYTES", about, count, default=0)
+    about = f"bytes after which a new file begins: {LEAST_SIZE} or more"
+    parser.value("-b --max-bag-size", "BYTES", about, _size, default=0)
     about = "seconds of log_time after which a new file begins"
     parser.value("-d --max-bag-duration", "SECONDS", about, count, default=0)
     compression = one_of(("zstd", "none"), "compression")
@@ -79,6 +82,18 @@ def _topic(word: str) -> str:
     if not re.fullmatch(r"(/[A-Za-z_][A-Za-z0-9_]*)+", topic):
         raise argparse.ArgumentTypeError(f"{word} is no name of a topic")
     return topic
+
+
+def _size(word: str) -> int:
+    """Size of a file; 0 for any.
+
+    Raises:
+        argparse.ArgumentTypeError: if the file could hold little more than definitions.
+    """
+    size = count(word)
+    if 0 < size < LEAST_SIZE:
+        raise argparse.ArgumentTypeError(f"{word} is less than {LEAST_SIZE} bytes")
+    return size
 
 
 def _mebibytes(word: str) -> int:

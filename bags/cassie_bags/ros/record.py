@@ -13,11 +13,13 @@ import queue
 import shutil
 import sys
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from concurrent import futures
+from itertools import count
 from operator import itemgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
@@ -26,15 +28,21 @@ from cassie_bags.bag.clock import RobotClock
 from cassie_bags.bag.continuity import SeqMonitor
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.recording import SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC, TYPES
-from cassie_bags.bag.rosbag2 import Qos
 from cassie_bags.bag.writer import BagWriter, FolderWriter
 from cassie_bags.cli.record import MIB, is_file
 from cassie_bags.errors import BagError
 from cassie_bags.ros.node_parameters import PARAMETERS_RECORD, NodeParameters, parameters_record
-from cassie_bags.ros.recorded_topic import RecordedTopic, offered_qos
+from cassie_bags.ros.recorded_topic import Received, RecordedTopic
 from cassie_bags.run.provenance import surroundings
 from cassie_bags.run.yaml_file import read_mapping
-from cassie_msgs.layout import ControllerStatus, Mode, MotorCommand, RobotState, Sensors
+from cassie_msgs.layout import (
+    ControllerStatus,
+    Mode,
+    MotorCommand,
+    OperatorCommand,
+    RobotState,
+    Sensors,
+)
 from cassie_msgs.ros.fast_lane import LaneWaiter
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.ros.scheduling import Place, Scheduling
@@ -63,8 +71,21 @@ _WITHOUT_ROBOT = (
 )
 _ANSWER = 10.0  # s, time-out of a service that waits for the loop
 _LARGEST_FILE = 16 * MIB  # bytes of a file that is attached to the bag
-_Message = tuple[int | None, RecordedTopic, bytes, int, int]
-"""Log time if known, topic, content, time of receipt, and number of those lost before it."""
+
+
+class _Message(NamedTuple):
+    """A message that is to be written.
+
+    Attributes:
+        time: Robot time that it carries; None if it has none that is believed. In ns.
+        topic: Its topic.
+        taken: The message.
+    """
+
+    time: int | None
+    topic: RecordedTopic
+    taken: Received
+
 
 _ANSWERS_FIRST = (MotorCommand, ControllerStatus, Mode, RobotState)
 _STREAM = {kind.TOPIC: place for place, kind in enumerate(_ANSWERS_FIRST)}
@@ -81,6 +102,7 @@ class Recorder(Node):
         self._metadata = _metadata(arguments.metadata)
         self._requests: queue.Queue[tuple[Callable[[], str], futures.Future[str]]] = queue.Queue()
         self._session: Session | None = None
+        self._next_output: Path | None = None
         # It has no low priority: messages that it cannot take in time are lost.
         self._scheduling = Scheduling(self.get_logger().info, Place.OPERATOR)
         if not arguments.start_paused:
@@ -115,14 +137,15 @@ class Recorder(Node):
     def _begin(self) -> str:
         if self._session is not None:
             raise BagError(f"{self._session.path} is being recorded")
+        self._arguments.output = self._next_output or self._arguments.output
         self._session = Session(self, self._arguments, self._metadata, self._scheduling)
-        self._arguments.output = _next_name(self._session.path)
         text = f"recording to {self._session.path}"
         print(text, file=sys.stderr, flush=True)
         return text
 
     def _end(self) -> str:
         session, self._session = self._running, None
+        self._next_output = _next_name(session.path)
         return session.close()
 
     def _split(self) -> str:
@@ -184,7 +207,8 @@ class Session:
         self.path: Path = arguments.output
         self._arguments = arguments
         self._wanted = set(arguments.topics or DEFAULT_TOPICS)
-        self._subscriptions: dict[str, RecordedTopic] = {}
+        self._topics: dict[str, RecordedTopic] = {}
+        self._turn = ""  # the topic whose writers were looked at last
         self._unknown: set[str] = set()
         self._robot_clock = RobotClock()
         self._waiting: list[_Message] = []  # messages before robot time is known
@@ -197,12 +221,12 @@ class Session:
         self._check_disk()
         self._bag = _writer(arguments)
         # The times of an experiment count from the robot's first tick, even if this tick is late.
-        self._experiment = "cassie_experiment" in metadata
+        self._patience = float("inf") if "cassie_experiment" in metadata else _WITHOUT_ROBOT
         for name, content in metadata.items():
             self._bag.add_metadata(name, content)
         for topic in TYPES if arguments.all else self._wanted & TYPES.keys():
             self._subscribe(topic, TYPES[topic])
-        self._waiter = LaneWaiter(node, self._subscriptions.values())
+        self._waiter = self._make_waiter()
 
     def step(self, stop: Stop) -> None:
         """Wait for messages, for a short time only, and write them.
@@ -234,8 +258,8 @@ class Session:
         finally:
             self._bag.close()
             self._parameters.close()
-            for subscription in self._subscriptions.values():
-                self._node.destroy_subscription(subscription.subscription)
+            for topic in self._topics.values():
+                topic.close()
         counts = [each for each in self._bag.counts.values() if each]
         first, last = self._span or (0, 0)
         summary = (
@@ -243,27 +267,29 @@ class Session:
             f"{(last - first) * 1e-9:.2f} s, to {self.path}"
         )
         print(summary, file=sys.stderr)
-        for topic, lost in self._lost().items():
-            print(f"lost: {topic}: {lost} messages", file=sys.stderr)
-        for topic, each in self._subscriptions.items():
-            if each.unreadable:
-                print(f"left out: {topic}: {each.unreadable} of another type", file=sys.stderr)
-        for topic in self._arguments.topics:
-            if topic not in self._subscriptions and topic not in self._unknown:
-                print(f"never published: {topic}", file=sys.stderr)
+        for name, lost in self._lost().items():
+            print(f"lost: {name}: {lost} messages", file=sys.stderr)
+        for name, topic in self._topics.items():
+            if topic.unreadable:
+                print(f"left out: {name}: {topic.unreadable} of another type", file=sys.stderr)
+        for name in self._arguments.topics:
+            if name not in self._topics and name not in self._unknown:
+                print(f"never published: {name}", file=sys.stderr)
         for gap in self._monitor.gaps():
             print(f"missing: {gap}", file=sys.stderr)
         sys.stderr.flush()
         return summary
 
     def split(self) -> None:
-        """Continue in a new file.
+        """Continue in a new file; the present one gets all messages that have come.
 
         Raises:
             BagError: if this recording is a single file.
         """
         if not isinstance(self._bag, FolderWriter):
             raise BagError(f"{self.path} is a single file: give a folder with -o")
+        self._drain()
+        self._write_waiting()
         self._bag.split()
 
     def wake(self) -> None:
@@ -271,7 +297,7 @@ class Session:
         self._waiter.wake()
 
     def _lost(self) -> dict[str, int]:
-        return {topic: each.lost for topic, each in self._subscriptions.items() if each.lost}
+        return {name: each.lost for name, each in self._topics.items() if each.lost}
 
     def _drain(self, settle: float = 0.0) -> int:
         """Write all messages that have come, in order of time; returns their number.
@@ -280,56 +306,66 @@ class Session:
         input of an answer has come before it, so no recording ends with an answer without input.
         `settle` (s) is a wait between two topics, for messages that overtook others.
         """
-        wall = time.time_ns()
+        was_known = self._robot_clock.known
         batch = self._waiting
         waiting = len(batch)
-        for topic in sorted(self._subscriptions, key=_drain_order):
-            subscription = self._subscriptions[topic]
-            if settle and (topic in _STREAM or topic == Sensors.TOPIC):
+        for name in sorted(self._topics, key=_drain_order):
+            topic = self._topics[name]
+            if settle and (name in _STREAM or name == Sensors.TOPIC):
                 time.sleep(settle)
-            while (raw := subscription.take_raw()) is not None:
-                batch.append(self._received(subscription, raw, wall))
+            batch += [self._received(topic, taken) for taken in topic.take()]
         received = len(batch) - waiting
         if self._arguments.wall_clock or self._robot_clock.known:
             self._waiting = []
-            self._write(batch)
-        elif batch and wall - batch[0][3] > _WITHOUT_ROBOT and not self._experiment:
+            self._write(batch if was_known else [self._timed_again(each) for each in batch])
+        elif batch and time.time_ns() - batch[0].taken.received > self._patience:
             self._write_waiting()
         return received
 
-    def _received(self, subscription: RecordedTopic, raw: bytes, wall: int) -> _Message:
-        topic = subscription.topic
-        self._monitor.note(topic, raw)
-        if topic == RobotState.TOPIC:
-            self._state.load(raw)
+    def _received(self, topic: RecordedTopic, taken: Received) -> _Message:
+        name = topic.topic
+        robot = self._robot_time(topic, taken)
+        if robot is not None or name == OperatorCommand.TOPIC:  # a person's command has no time
+            self._monitor.note(name, taken.raw)
+        if name == RobotState.TOPIC:
+            self._state.load(taken.raw)
             self._scheduling.follow(bool(self._state.wall_paced))
-        if topic == EVENTS_TOPIC:
-            self._attach_files_of(raw)
-        if topic in self._missing_topics:
-            self._missing_topics.discard(topic)
+        if name == EVENTS_TOPIC:
+            self._attach_files_of(taken.raw)
+        if name in self._missing_topics:
+            self._missing_topics.discard(name)
             if not self._missing_topics:
                 print(COMPLETE, file=sys.stderr, flush=True)
-        robot = self._robot_clock.time_of(topic, raw, wall)
-        known = robot if self._robot_clock.known else None
-        log_time = wall if self._arguments.wall_clock else known
-        return log_time, subscription, raw, wall, subscription.lost
+        return _Message(robot, topic, taken)
+
+    def _robot_time(self, topic: RecordedTopic, taken: Received) -> int | None:
+        return self._robot_clock.time_of(topic.topic, taken.raw, taken.received, taken.writer)
+
+    def _timed_again(self, message: _Message) -> _Message:
+        """A message that came before its writer's time was believed, with its robot time."""
+        if message.time is not None:
+            return message
+        return message._replace(time=self._robot_time(message.topic, message.taken))
 
     def _write_waiting(self) -> None:
         """Write the messages that wait for robot time, which has not come."""
         if self._waiting and not self._robot_clock.known:
-            self._robot_clock.run_on_wall(self._waiting[0][3])
+            self._robot_clock.run_on_wall(min(each.taken.received for each in self._waiting))
         messages, self._waiting = self._waiting, []
         self._write(messages)
 
     def _write(self, batch: list[_Message]) -> None:
-        clock = self._robot_clock
-        timed = [
-            (clock.time_of(each.topic, raw, wall) if at is None else at, each, raw, wall, lost)
-            for at, each, raw, wall, lost in batch
-        ]
+        """Write messages; those without robot time of their own get that of their receipt."""
+        received = [each.taken.received for each in batch if each.time is None]
+        times = iter(self._robot_clock.times_at(received))
+        timed = [(next(times) if each.time is None else each.time, each) for each in batch]
+        if self._arguments.wall_clock:
+            timed = [(each.taken.received, each) for each in batch]
         timed.sort(key=itemgetter(0))
-        for log_time, each, raw, wall, lost in timed:
-            self._bag.write(each.channel, raw, log_time, wall, lost)
+        for log_time, (_, topic, taken) in timed:
+            self._bag.write(
+                topic.channel, taken.raw, log_time, taken.received, taken.lost, taken.sent
+            )
         if timed:
             first, last = self._span or (timed[0][0], 0)
             self._span = min(first, timed[0][0]), max(last, timed[-1][0])
@@ -337,13 +373,18 @@ class Session:
     def _check_graph(self) -> None:
         """Check for new topics and nodes, and for free space on the disk."""
         self._check_disk()
-        known = self._subscriptions.keys() | self._unknown
+        known = self._topics.keys() | self._unknown
         added = False
         for topic, types in self._node.get_topic_names_and_types():
             if topic not in known and (self._arguments.all or topic in self._wanted):
                 added = self._subscribe(topic, types[0]) or added
+        for name in [each for each, topic in self._topics.items() if topic.has_new_writers]:
+            added = self._topics[name].look() or added
+        if self._topics:  # one writer may have taken the place of another: look at one each time
+            name = self._turn = _after(self._turn, sorted(self._topics))
+            added = self._topics[name].look() or added
         if added:
-            self._waiter = LaneWaiter(self._node, self._subscriptions.values())
+            self._waiter = self._make_waiter()
         self._parameters.request()
         while (answer := self._parameters.pop_answer()) is not None:
             name, parameters = answer
@@ -384,27 +425,32 @@ class Session:
             self._files.add(name)
             self._bag.add_file(name, content)
 
-    def _subscribe(self, topic: str, type_name: str) -> bool:
+    def _subscribe(self, name: str, type_name: str) -> bool:
         """Record a topic; False if it has no publisher yet or its type is not installed."""
-        lane = topic in TYPES
-        qos = offered_qos(self._node, topic, lossless=lane)
-        if qos is None:
+        if name not in TYPES and not self._node.count_publishers(name):
             return False
         try:
-            depth = 100 if lane else 10  # of a writer, for a replay
-            stored = Qos(qos.reliability.name.lower(), qos.durability.name.lower(), depth=depth)
-            channel = self._bag.add_topic(topic, type_name, stored)
-            subscription = RecordedTopic(self._node, type_name, topic, qos, channel)
+            topic = RecordedTopic(self._node, type_name, name)
+            topic.channel = self._bag.add_topic(name, type_name, topic.stored)
         except ValueError as error:
-            self._unknown.add(topic)
-            self._node.get_logger().warning(f"{topic} is not recorded: {error}")
+            self._unknown.add(name)
+            self._node.get_logger().warning(f"{name} is not recorded: {error}")
             return False
-        self._subscriptions[topic] = subscription
+        self._topics[name] = topic
         return True
+
+    def _make_waiter(self) -> LaneWaiter:
+        topics = self._topics.values()
+        return LaneWaiter(self._node, [each for topic in topics for each in topic.subscriptions])
 
 
 def _drain_order(topic: str) -> int:
     return _STREAM.get(topic, len(_STREAM) + (topic == Sensors.TOPIC))
+
+
+def _after(name: str, names: list[str]) -> str:
+    """The name after this one, in turn."""
+    return names[bisect_right(names, name) % len(names)]
 
 
 def _writer(arguments: argparse.Namespace) -> BagWriter:
@@ -420,10 +466,12 @@ def _writer(arguments: argparse.Namespace) -> BagWriter:
 
 
 def _next_name(path: Path) -> Path:
-    """A name for the recording after this one: bag.mcap, bag_2.mcap, bag_3.mcap."""
+    """A free name for the recording after this one: bag.mcap, bag_2.mcap, bag_3.mcap."""
     stem, _, last = path.stem.rpartition("_")
     number = int(last) + 1 if stem and last.isdecimal() and len(last) < 4 else 2
-    return path.with_name(f"{stem if number > 2 else path.stem}_{number}{path.suffix}")
+    stem = stem if number > 2 else path.stem
+    names = (path.with_name(f"{stem}_{each}{path.suffix}") for each in count(number))
+    return next(name for name in names if not name.exists())
 
 
 def _metadata(path: Path | None) -> dict[str, dict[str, str]]:

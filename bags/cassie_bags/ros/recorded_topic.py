@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
+import weakref
+from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
 
-from cassie_bags.bag.recording import message_check
+from cassie_bags.bag.recording import TYPES, message_check
+from cassie_bags.bag.rosbag2 import QOS_DEFAULT, QOS_LANE, Qos
 from cassie_bags.errors import BagError
 from cassie_msgs.ros.fast_lane import RawSubscription
 from cassie_msgs.sample import LayoutError
@@ -22,39 +28,127 @@ DEPTH = 10000
 
 _TYPE = re.compile(r"(?P<package>[a-z]\w*)/msg/(?P<name>[A-Z]\w*)")
 _LARGEST = 20_000  # bytes of a message that is decoded for a check
+_GID_SIZE = 16
+_CAPACITY = 2048  # bytes; grows when a message is longer
+_NO_NUMBER = 2**64 - 1
+_TAKEN, _NOTHING = 0, 401  # RCL_RET_OK, RCL_RET_SUBSCRIPTION_TAKE_FAILED
 
 
-class RecordedTopic(RawSubscription):
-    """One topic that is recorded into a bag, as bytes.
+class Offer(NamedTuple):
+    """QoS that a writer offers, as far as it decides who receives its messages."""
+
+    reliable: bool = True
+    latched: bool = False
+
+    @property
+    def profile(self) -> QoSProfile:
+        """QoS of a subscription that receives all messages of a writer with this offer."""
+        profile = QoSProfile(depth=DEPTH)  # reliable, not latched
+        if not self.reliable:
+            profile.reliability = ReliabilityPolicy.BEST_EFFORT
+        if self.latched:
+            profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        return profile
+
+
+@dataclass(slots=True)
+class Received:
+    """A message, and what DDS tells about it.
 
     Attributes:
+        raw: The message.
+        received, sent: Wall time of receipt and of publication. In ns.
+        writer: Identity of its writer.
+        number: Sequence number by its writer; None if there is none.
+        lost: Number of messages of the topic that were lost until this one.
+    """
+
+    raw: bytes
+    received: int
+    sent: int
+    writer: bytes
+    number: int | None
+    lost: int = 0
+
+
+class RecordedTopic:
+    """One topic that is recorded into a bag, as bytes.
+
+    It has a subscription for each QoS that writers offer. So a writer with a weaker offer than the
+    first is heard, too. A message that comes to several subscriptions is taken once.
+
+    Attributes:
+        topic: Its name.
+        stored: QoS that the bag tells of the topic.
         channel: Channel of the topic in the bag.
         lost: Number of messages that were sent but did not arrive.
         unreadable: Number of messages of another type than the topic's, which are left out.
+        subscriptions: Subscriptions of the topic.
     """
 
-    def __init__(
-        self, node: Node, type_name: str, topic: str, qos: QoSProfile, channel: int
-    ) -> None:
+    def __init__(self, node: Node, type_name: str, topic: str) -> None:
         """Subscribe.
 
         Raises:
             BagError: if the message type is not installed.
         """
-        super().__init__(node, message_class(type_name), topic, qos)
-        self.channel = channel
-        self.lost = self.unreadable = 0
-        self._numbers: dict[bytes, int] = {}
+        self._node = node
+        self._type = message_class(type_name)
+        self.topic = topic
+        self.channel = self.lost = self.unreadable = 0
+        self.subscriptions: list[RawSubscription] = []
+        self._offers: dict[bytes, Offer] = {}
+        self._parts: dict[Offer, _Part] = {}
+        self._numbers: dict[bytes, _Numbers] = {}
         self._is_message = message_check(topic) or self._is_readable
+        self.stored = QOS_LANE
+        if topic in TYPES:  # the lane's writers are reliable: subscribe before they appear
+            self._subscribe(Offer())
+        self.look()
+        if topic not in TYPES:
+            self.stored = _stored(list(self._offers.values()))
 
-    def take_raw(self) -> bytes | None:
-        """The oldest message of the topic's type in the queue; None if there is none."""
-        while (raw := super().take_raw()) is not None:
-            self._note_lost()
-            if self._is_message(raw):
-                return raw
-            self.unreadable += 1
-        return None
+    @property
+    def has_new_writers(self) -> bool:
+        """Whether the number of writers has changed since the last `look`."""
+        return bool(self._node.count_publishers(self.topic) != len(self._offers))
+
+    def look(self) -> bool:
+        """Look for writers in the graph; whether this led to a subscription."""
+        self._offers = {
+            bytes(info.endpoint_gid[:_GID_SIZE]): Offer(
+                info.qos_profile.reliability == ReliabilityPolicy.RELIABLE,
+                info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            )
+            for info in self._node.get_publishers_info_by_topic(self.topic)
+        }
+        new = set(self._offers.values()) - self._parts.keys()
+        for offer in sorted(new):
+            self._subscribe(offer)
+        return bool(new)
+
+    def take(self) -> list[Received]:
+        """All messages of the topic's type that have come, oldest first."""
+        found: list[Received] = []
+        for part in self._parts.values():
+            for taken in part.take():
+                if not self._is_new(taken):
+                    continue
+                if self._is_message(taken.raw):
+                    found.append(taken)
+                else:
+                    self.unreadable += 1
+        return found
+
+    def close(self) -> None:
+        """Destroy the subscriptions."""
+        for each in self.subscriptions:
+            self._node.destroy_subscription(each.subscription)
+
+    def _subscribe(self, offer: Offer) -> None:
+        subscription = RawSubscription(self._node, self._type, self.topic, offer.profile)
+        self.subscriptions.append(subscription)
+        self._parts[offer] = _Part(subscription)
 
     def _is_readable(self, raw: bytes) -> bool:
         """Whether bytes are a message of the type, as any node may publish; large ones pass."""
@@ -64,16 +158,141 @@ class RecordedTopic(RawSubscription):
             except LayoutError:
                 return False
             return True
-        return len(raw) > _LARGEST or self.read(raw) is not None
+        return len(raw) > _LARGEST or self.subscriptions[0].read(raw) is not None
 
-    def _note_lost(self) -> None:
-        number = self.inbox.number
-        if number is not None:
-            writer = self.inbox.writer
-            before = self._numbers.get(writer, number)
-            if number > before + 1:
-                self.lost += number - before - 1
-            self._numbers[writer] = max(number, before)
+    def _is_new(self, taken: Received) -> bool:
+        """Whether a message was not taken before; counts those of its writer that are missing."""
+        if taken.number is not None:
+            numbers = self._numbers.get(taken.writer)
+            if numbers is None:
+                numbers = self._numbers[taken.writer] = _Numbers(taken.number)
+            elif taken.number == numbers.last + 1:
+                numbers.last += 1
+            else:
+                before = len(numbers.missing)
+                if not numbers.add(taken.number):
+                    return False
+                self.lost += len(numbers.missing) - before
+        taken.lost = self.lost
+        return True
+
+
+class _Numbers:
+    """Sequence numbers of a writer's messages that have come.
+
+    Attributes:
+        first, last: First and last number.
+        missing: Numbers between them that have not come.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.first = self.last = number
+        self.missing: set[int] = set()
+
+    def add(self, number: int) -> bool:
+        """Note that a message has come; False if it had come before."""
+        if number > self.last:
+            self.missing.update(range(self.last + 1, number))
+            self.last = number
+        elif number < self.first:
+            self.missing.update(range(number + 1, self.first))
+            self.first = number
+        elif number in self.missing:
+            self.missing.remove(number)
+        else:
+            return False
+        return True
+
+
+class _Part:
+    """Takes the messages of a subscription as bytes, with the times that DDS gives.
+
+    Source: rcl/subscription.h, `rcl_take_serialized_message`.
+    """
+
+    def __init__(self, subscription: RawSubscription) -> None:
+        self._handle = subscription.subscription.handle
+        self._pointer = self._handle.pointer
+        self._message = _Message()
+        self._info = _Info()
+        self._writer = memoryview(self._info.writer).cast("B")
+        allocator = _rcutils.rcutils_get_default_allocator()
+        if _rcutils.rcutils_uint8_array_init(
+            ctypes.byref(self._message), _CAPACITY, ctypes.byref(allocator)
+        ):
+            raise MemoryError
+        weakref.finalize(self, _rcutils.rcutils_uint8_array_fini, ctypes.byref(self._message))
+        self._places = ctypes.byref(self._message), ctypes.byref(self._info)
+
+    def take(self) -> list[Received]:
+        """All messages not yet taken, oldest first.
+
+        Raises:
+            InvalidHandle: if the subscription is destroyed.
+            RCLError: if the middleware fails.
+        """
+        found: list[Received] = []
+        message, info, writer = self._message, self._info, self._writer
+        with self._handle:
+            while (code := _take(self._pointer, *self._places, None)) == _TAKEN:
+                received = info.received
+                number = info.number
+                found.append(
+                    Received(
+                        ctypes.string_at(message.buffer, message.length),
+                        received,
+                        info.sent or received,
+                        writer.tobytes(),
+                        None if number == _NO_NUMBER else number,
+                    )
+                )
+        if code != _NOTHING:
+            _rcutils.rcutils_reset_error()
+            raise _rclpy.RCLError(f"the middleware failed to take a message ({code})")
+        return found
+
+
+class _Allocator(ctypes.Structure):
+    """`rcutils_allocator_t`."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_void_p)
+        for name in ("allocate", "deallocate", "reallocate", "zero_allocate", "state")
+    )
+
+
+class _Message(ctypes.Structure):
+    """`rcl_serialized_message_t`."""
+
+    _fields_ = (
+        ("buffer", ctypes.c_void_p),
+        ("length", ctypes.c_size_t),
+        ("capacity", ctypes.c_size_t),
+        ("allocator", _Allocator),
+    )
+
+
+class _Info(ctypes.Structure):
+    """`rmw_message_info_t`."""
+
+    _fields_ = (
+        ("sent", ctypes.c_int64),
+        ("received", ctypes.c_int64),
+        ("number", ctypes.c_uint64),
+        ("reception_number", ctypes.c_uint64),
+        ("implementation", ctypes.c_char_p),
+        ("writer", ctypes.c_uint8 * _GID_SIZE),
+        ("from_intra_process", ctypes.c_bool),
+    )
+
+
+# These calls return at once; releasing the interpreter lock for them would cost more than they do.
+_rcutils = ctypes.PyDLL("librcutils.so")
+_rcutils.rcutils_get_default_allocator.restype = _Allocator
+_rcutils.rcutils_uint8_array_init.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)
+_rcutils.rcutils_uint8_array_fini.argtypes = (ctypes.c_void_p,)
+_take = ctypes.PyDLL("librcl.so").rcl_take_serialized_message
+_take.argtypes = (ctypes.c_void_p,) * 4
 
 
 def message_class(type_name: str) -> Any:
@@ -91,25 +310,12 @@ def message_class(type_name: str) -> Any:
         raise BagError(f"message type {type_name} is not installed") from None
 
 
-def offered_qos(node: Node, topic: str, *, lossless: bool) -> QoSProfile | None:
-    """QoS of a subscription that receives the messages of all writers of a topic.
-
-    Args:
-        node: Node that queries the graph.
-        topic: Name of the topic.
-        lossless: Whether its writers are known to be reliable, even before they appear.
-
-    Returns:
-        Reliable if all writers are, and latched if all writers are; None if there is no writer yet.
-    """
-    profile = QoSProfile(depth=DEPTH)  # reliable, not latched
-    if lossless:
-        return profile
-    offers = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)]
-    if not offers:
-        return None
-    if any(offer.reliability != ReliabilityPolicy.RELIABLE for offer in offers):
-        profile.reliability = ReliabilityPolicy.BEST_EFFORT
-    if all(offer.durability == DurabilityPolicy.TRANSIENT_LOCAL for offer in offers):
-        profile.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    return profile
+def _stored(offers: Sequence[Offer]) -> Qos:
+    """QoS that a bag tells of a topic: what all its writers offer."""
+    reliable = all(offer.reliable for offer in offers)
+    latched = bool(offers) and all(offer.latched for offer in offers)
+    return Qos(
+        "reliable" if reliable else "best_effort",
+        "transient_local" if latched else "volatile",
+        depth=QOS_DEFAULT.depth,
+    )

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import itertools
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Time
+from mcap.records import Channel, Schema
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidTopicNameException
@@ -26,6 +28,8 @@ from std_srvs.srv import SetBool, Trigger
 from cassie_bags.bag.clock import CLOCK_TOPIC
 from cassie_bags.bag.playback import RATES, Playback
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
+from cassie_bags.bag.recording import TYPES
+from cassie_bags.bag.rosbag2 import QOS_KEY, read_profiles
 from cassie_bags.cli.replay import KEYS
 from cassie_bags.errors import BagError
 from cassie_bags.ros.recorded_topic import message_class
@@ -40,11 +44,9 @@ CLOCK_PERIOD = 10_000_000
 
 _CLOCK_END = (1 << 31) * 1_000_000_000  # ns; seconds of builtin_interfaces/Time are an int32
 
-_LATCHED = QoSProfile(
-    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
-)
 # A second of a topic at 500 Hz, at four times the speed, for slow subscribers.
-_PLAYED = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
+_MOST_KEPT = 2000
+_PLAYED = QoSProfile(depth=_MOST_KEPT, reliability=ReliabilityPolicy.RELIABLE)
 _LATCHED_TOPICS = frozenset(["/robot_description", "/tf_static"])
 COMMAND_TOPICS = frozenset([OperatorCommand.TOPIC, Mode.TOPIC, MotorCommand.TOPIC])
 """Topics that move a robot: played only on request."""
@@ -60,6 +62,36 @@ _ACKED = Duration(seconds=0.1)  # longest wait that cannot be ended
 _WRITERS_PERIOD = 0.5  # s between two checks for other writers while it plays
 _CHECK_PERIOD = 0.02  # s between two checks for subscribers
 _KEY_WAIT = 0.2  # s
+
+
+@dataclass
+class _PlayedIndex(BagIndex):
+    """Index of a bag with the QoS that the writers of each topic offered."""
+
+    offers: dict[str, list[Mapping[str, Any]]] = field(default_factory=dict)
+
+    def add_channel(self, channel: Channel, schema: Schema) -> None:
+        """See `BagIndex.add_channel`."""
+        super().add_channel(channel, schema)
+        profiles, _ = read_profiles(channel.metadata.get(QOS_KEY, ""))
+        self.offers.setdefault(channel.topic, []).extend(profiles)
+
+    def qos(self, topic: str, count: int) -> QoSProfile:
+        """QoS with which a topic of so many messages is played: what all its writers offered.
+
+        A publisher of the replay stands for all writers of the topic, so that it keeps each latched
+        message. The nodes of the control lane rely on reliable writers.
+        """
+        offers = self.offers.get(topic, [])
+        latched = offers and all(each.get("durability") == "transient_local" for each in offers)
+        if topic in _LATCHED_TOPICS or (latched and topic not in TYPES):
+            return QoSProfile(
+                depth=min(max(count, 1), _MOST_KEPT), durability=DurabilityPolicy.TRANSIENT_LOCAL
+            )
+        weak = any(each.get("reliability") == "best_effort" for each in offers)
+        if weak and topic not in TYPES:
+            return QoSProfile(depth=_MOST_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT)
+        return _PLAYED
 
 
 class Replay(Node):
@@ -100,6 +132,7 @@ class Replay(Node):
             begin=begin,
             end=end,
         )
+        self._skipped: list[int] = [*self._playback.before]  # since the last message
         if self._playback.finished:
             raise BagError(f"{arguments.file} has no message in the part asked for")
         about = "Ratio of robot time to wall time"
@@ -138,7 +171,7 @@ class Replay(Node):
             raise BagError(f"{topic} is what every node publishes of itself: it is not played")
         if moving and not commands:
             raise BagError(f"{moving[0]} moves a robot that listens: play it with --commands")
-        index = BagIndex()
+        index = _PlayedIndex()
         recorded = list(read_messages(path, topics or None, index))
         if not index.complete:
             lost = f"{index.lost_bytes} bytes could not be read" if index.lost_bytes else "no end"
@@ -151,10 +184,15 @@ class Replay(Node):
                 raise BagError(f"{path} has no message on {topic}")
         if not commands:
             names = [name for name in names if name not in COMMAND_TOPICS]
+        counts = Counter(topic for topic, *_ in recorded)
         self._publishers_by_topic = {}
+        self._latched: set[Publisher] = set()
         for topic in names:
             try:
-                self._publishers_by_topic[topic] = self._publisher(topic, index)
+                qos = index.qos(topic, counts[topic])
+                publisher = self._publishers_by_topic[topic] = self._publisher(topic, index, qos)
+                if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL:
+                    self._latched.add(publisher)
             except BagError as error:
                 self.get_logger().warning(f"{topic or repr(topic)} is not replayed: {error}")
         if not self._publishers_by_topic:
@@ -167,7 +205,7 @@ class Replay(Node):
         ]
         return sorted(messages, key=lambda entry: entry[0])
 
-    def _publisher(self, topic: str, index: BagIndex) -> Publisher:
+    def _publisher(self, topic: str, index: BagIndex, qos: QoSProfile) -> Publisher:
         """Publisher of a recorded topic.
 
         Raises:
@@ -176,7 +214,6 @@ class Replay(Node):
         if topic in index.unreadable:
             raise BagError(index.unreadable[topic])
         kind = message_class(index.types[topic][0])
-        qos = _LATCHED if topic in _LATCHED_TOPICS else _PLAYED
         try:
             return self.create_publisher(kind, topic, qos)
         except InvalidTopicNameException:
@@ -224,7 +261,7 @@ class Replay(Node):
 
     def _seek(self, robot: int) -> None:
         with self._changing() as wall:
-            self._playback.seek(robot, wall)
+            self._skipped += self._playback.seek(robot, wall)
             self._next_clock = 0
 
     def _set_rate(self, rate: float) -> None:
@@ -338,10 +375,11 @@ class Replay(Node):
         span = playback.end - playback.begin + CLOCK_PERIOD
         self._played = 0
         self._next_clock = 0
-        self._publish_latched_before(playback.begin)
         while not self._stop.requested:
             self._changed.clear()
             with self._lock:
+                skipped, self._skipped = self._skipped, []
+                self._publish_latched(skipped)
                 index, wait = playback.next(time.monotonic_ns())
             if index is None:
                 if playback.finished:
@@ -357,14 +395,12 @@ class Replay(Node):
             publisher.publish(raw)
             self._played += 1
 
-    def _publish_latched_before(self, begin: int) -> None:
-        """Publish the last latched messages before the played part, for late subscribers."""
-        before = itertools.takewhile(lambda message: message[0] < begin, self._messages)
-        newest = {publisher: raw for _, publisher, raw in before}
-        for topic in _LATCHED_TOPICS & self._publishers_by_topic.keys():
-            publisher = self._publishers_by_topic[topic]
-            if publisher in newest:
-                publisher.publish(newest[publisher])
+    def _publish_latched(self, skipped: Iterable[int]) -> None:
+        """Publish the latched ones of messages that are not played, for late subscribers."""
+        for index in skipped:
+            _, publisher, raw = self._messages[index]
+            if publisher in self._latched:
+                publisher.publish(raw)
 
     def _publish_clock(self, robot: int) -> None:
         seconds, nanoseconds = divmod(robot, 1_000_000_000)
