@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import re
-import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from tf2_msgs.msg import TFMessage
@@ -29,9 +26,6 @@ DEPTH = 10000
 _TYPE = re.compile(r"(?P<package>[a-z]\w*)/msg/(?P<name>[A-Z]\w*)")
 _LARGEST = 20_000  # bytes of a message that is decoded for a check
 _GID_SIZE = 16
-_CAPACITY = 2048  # bytes; grows when a message is longer
-_NO_NUMBER = 2**64 - 1
-_TAKEN, _NOTHING = 0, 401  # RCL_RET_OK, RCL_RET_SUBSCRIPTION_TAKE_FAILED
 
 
 class Offer(NamedTuple):
@@ -83,7 +77,6 @@ class RecordedTopic:
         channel: Channel of the topic in the bag.
         lost: Number of messages that were sent but did not arrive.
         unreadable: Number of messages of another type than the topic's, which are left out.
-        subscriptions: Subscriptions of the topic.
     """
 
     def __init__(self, node: Node, type_name: str, topic: str) -> None:
@@ -96,9 +89,8 @@ class RecordedTopic:
         self._type = message_class(type_name)
         self.topic = topic
         self.channel = self.lost = self.unreadable = 0
-        self.subscriptions: list[RawSubscription] = []
         self._offers: dict[bytes, Offer] = {}
-        self._parts: dict[Offer, _Part] = {}
+        self._subscriptions: dict[Offer, RawSubscription] = {}
         self._numbers: dict[bytes, _Numbers] = {}
         self._is_message = message_check(topic) or self._is_readable
         self.stored = QOS_LANE
@@ -107,6 +99,11 @@ class RecordedTopic:
         self.look()
         if topic not in TYPES:
             self.stored = _stored(list(self._offers.values()))
+
+    @property
+    def subscriptions(self) -> list[RawSubscription]:
+        """Subscriptions of the topic, one for each offer."""
+        return list(self._subscriptions.values())
 
     @property
     def has_new_writers(self) -> bool:
@@ -122,7 +119,7 @@ class RecordedTopic:
             )
             for info in self._node.get_publishers_info_by_topic(self.topic)
         }
-        new = set(self._offers.values()) - self._parts.keys()
+        new = set(self._offers.values()) - self._subscriptions.keys()
         for offer in sorted(new):
             self._subscribe(offer)
         return bool(new)
@@ -130,11 +127,14 @@ class RecordedTopic:
     def take(self) -> list[Received]:
         """All messages of the topic's type that have come, oldest first."""
         found: list[Received] = []
-        for part in self._parts.values():
-            for taken in part.take():
+        for subscription in self._subscriptions.values():
+            inbox = subscription.inbox
+            while (raw := subscription.take_raw()) is not None:
+                sent, received = inbox.times
+                taken = Received(raw, received, sent or received, inbox.writer, inbox.number)
                 if not self._is_new(taken):
                     continue
-                if self._is_message(taken.raw):
+                if self._is_message(raw):
                     found.append(taken)
                 else:
                     self.unreadable += 1
@@ -146,9 +146,9 @@ class RecordedTopic:
             self._node.destroy_subscription(each.subscription)
 
     def _subscribe(self, offer: Offer) -> None:
-        subscription = RawSubscription(self._node, self._type, self.topic, offer.profile)
-        self.subscriptions.append(subscription)
-        self._parts[offer] = _Part(subscription)
+        self._subscriptions[offer] = RawSubscription(
+            self._node, self._type, self.topic, offer.profile
+        )
 
     def _is_readable(self, raw: bytes) -> bool:
         """Whether bytes are a message of the type, as any node may publish; large ones pass."""
@@ -158,7 +158,8 @@ class RecordedTopic:
             except LayoutError:
                 return False
             return True
-        return len(raw) > _LARGEST or self.subscriptions[0].read(raw) is not None
+        any_of_them = next(iter(self._subscriptions.values()))
+        return len(raw) > _LARGEST or any_of_them.read(raw) is not None
 
     def _is_new(self, taken: Received) -> bool:
         """Whether a message was not taken before; counts those of its writer that are missing."""
@@ -202,97 +203,6 @@ class _Numbers:
         else:
             return False
         return True
-
-
-class _Part:
-    """Takes the messages of a subscription as bytes, with the times that DDS gives.
-
-    Source: rcl/subscription.h, `rcl_take_serialized_message`.
-    """
-
-    def __init__(self, subscription: RawSubscription) -> None:
-        self._handle = subscription.subscription.handle
-        self._pointer = self._handle.pointer
-        self._message = _Message()
-        self._info = _Info()
-        self._writer = memoryview(self._info.writer).cast("B")
-        allocator = _rcutils.rcutils_get_default_allocator()
-        if _rcutils.rcutils_uint8_array_init(
-            ctypes.byref(self._message), _CAPACITY, ctypes.byref(allocator)
-        ):
-            raise MemoryError
-        weakref.finalize(self, _rcutils.rcutils_uint8_array_fini, ctypes.byref(self._message))
-        self._places = ctypes.byref(self._message), ctypes.byref(self._info)
-
-    def take(self) -> list[Received]:
-        """All messages not yet taken, oldest first.
-
-        Raises:
-            InvalidHandle: if the subscription is destroyed.
-            RCLError: if the middleware fails.
-        """
-        found: list[Received] = []
-        message, info, writer = self._message, self._info, self._writer
-        with self._handle:
-            while (code := _take(self._pointer, *self._places, None)) == _TAKEN:
-                received = info.received
-                number = info.number
-                found.append(
-                    Received(
-                        ctypes.string_at(message.buffer, message.length),
-                        received,
-                        info.sent or received,
-                        writer.tobytes(),
-                        None if number == _NO_NUMBER else number,
-                    )
-                )
-        if code != _NOTHING:
-            _rcutils.rcutils_reset_error()
-            raise _rclpy.RCLError(f"the middleware failed to take a message ({code})")
-        return found
-
-
-class _Allocator(ctypes.Structure):
-    """`rcutils_allocator_t`."""
-
-    _fields_ = tuple(
-        (name, ctypes.c_void_p)
-        for name in ("allocate", "deallocate", "reallocate", "zero_allocate", "state")
-    )
-
-
-class _Message(ctypes.Structure):
-    """`rcl_serialized_message_t`."""
-
-    _fields_ = (
-        ("buffer", ctypes.c_void_p),
-        ("length", ctypes.c_size_t),
-        ("capacity", ctypes.c_size_t),
-        ("allocator", _Allocator),
-    )
-
-
-class _Info(ctypes.Structure):
-    """`rmw_message_info_t`."""
-
-    _fields_ = (
-        ("sent", ctypes.c_int64),
-        ("received", ctypes.c_int64),
-        ("number", ctypes.c_uint64),
-        ("reception_number", ctypes.c_uint64),
-        ("implementation", ctypes.c_char_p),
-        ("writer", ctypes.c_uint8 * _GID_SIZE),
-        ("from_intra_process", ctypes.c_bool),
-    )
-
-
-# These calls return at once; releasing the interpreter lock for them would cost more than they do.
-_rcutils = ctypes.PyDLL("librcutils.so")
-_rcutils.rcutils_get_default_allocator.restype = _Allocator
-_rcutils.rcutils_uint8_array_init.argtypes = (ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)
-_rcutils.rcutils_uint8_array_fini.argtypes = (ctypes.c_void_p,)
-_take = ctypes.PyDLL("librcl.so").rcl_take_serialized_message
-_take.argtypes = (ctypes.c_void_p,) * 4
 
 
 def message_class(type_name: str) -> Any:

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,13 +68,13 @@ _KEY_WAIT = 0.2  # s
 class _PlayedIndex(BagIndex):
     """Index of a bag with the QoS that the writers of each topic offered."""
 
-    offers: dict[str, list[Mapping[str, Any]]] = field(default_factory=dict)
+    offers: dict[str, dict[Hashable, Sequence[Mapping[str, Any]]]] = field(default_factory=dict)
 
-    def add_channel(self, channel: Channel, schema: Schema) -> None:
+    def add_channel(self, key: Hashable, channel: Channel, schema: Schema, *, used: bool) -> None:
         """See `BagIndex.add_channel`."""
-        super().add_channel(channel, schema)
+        super().add_channel(key, channel, schema, used=used)
         profiles, _ = read_profiles(channel.metadata.get(QOS_KEY, ""))
-        self.offers.setdefault(channel.topic, []).extend(profiles)
+        self.offers.setdefault(channel.topic, {})[key] = profiles
 
     def qos(self, topic: str, count: int) -> QoSProfile:
         """QoS with which a topic of so many messages is played: what all its writers offered.
@@ -82,7 +82,7 @@ class _PlayedIndex(BagIndex):
         A publisher of the replay stands for all writers of the topic, so that it keeps each latched
         message. The nodes of the control lane rely on reliable writers.
         """
-        offers = self.offers.get(topic, [])
+        offers = [each for profiles in self.offers.get(topic, {}).values() for each in profiles]
         latched = offers and all(each.get("durability") == "transient_local" for each in offers)
         if topic in _LATCHED_TOPICS or (latched and topic not in TYPES):
             return QoSProfile(

@@ -200,7 +200,6 @@ class Inbox:
         number = int(self._taken.number)
         return None if number == _UNKNOWN else number
 
-
     @property
     def times(self) -> tuple[int, int]:
         """When the message taken last was sent, by its writer's clock, and received. In ns."""
