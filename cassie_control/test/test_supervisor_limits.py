@@ -23,6 +23,7 @@ C = SupervisorConfig()
     [
         ({"height_low": 0.9, "height_high": 0.8}, "height_low = 0.9 is above height_high = 0.8"),
         ({"walk_height": 1.05}, "walk_height = 1.05 is above height_high = 1.01"),
+        ({"upright_tilt": 0.8, "fall_tilt": 0.3}, "upright_tilt = 0.8 is above fall_tilt = 0.3"),
         ({"ride_height_low": 0.7}, "ride_height_low = 0.7 is above ride_height = 0.67"),
     ],
 )

@@ -39,6 +39,7 @@ from cassie_gaits.json_file import check_free, read_json
 from cassie_gaits.model_hash import model_hash
 
 SCHEMA_VERSION = 1
+ROBOT = "cassie"
 
 _TOP = {"schema_version", "kind", "robot", "model_hash", "sha256"} | {
     "provenance",
@@ -102,14 +103,23 @@ def load_certified(path: str | Path, *, allow_uncertified: bool = False) -> Gait
     with _named(path):
         document = read_json(path)
         library = _library(document, path)
-        expected = model_hash()
-        if library.model_hash != expected:
-            raise GaitLibraryError(
-                f"it is for model {library.model_hash}, this robot is {expected}"
-            )
+        hold_robot(library)
         if not allow_uncertified:
             _hold_certified(library, document)
     return library
+
+
+def hold_robot(library: GaitLibrary) -> None:
+    """Check that a library was made for this robot.
+
+    Raises:
+        GaitLibraryError: if not; the message names both robots, or both models.
+    """
+    if library.robot != ROBOT:
+        raise GaitLibraryError(f"it is for the robot {library.robot!r}, expected {ROBOT!r}")
+    expected = model_hash()
+    if library.model_hash != expected:
+        raise GaitLibraryError(f"it is for model {library.model_hash}, this robot is {expected}")
 
 
 def _hold_certified(library: GaitLibrary, document: object) -> None:
@@ -136,22 +146,28 @@ def _compressed(text: bytes) -> bytes:
 def save_library(library: GaitLibrary, path: str | Path) -> None:
     """Write a gait library; a reader sees the old file or the complete new one.
 
+    A link stays; the file to which it leads is written.
+
     Raises:
-        GaitLibraryError: if the file cannot be written, or JSON cannot express an entry.
+        GaitLibraryError: if the file cannot be written, is no regular file, or JSON cannot express
+            an entry.
     """
     path = Path(path)
     temporary = ""
     try:
+        target = path.resolve()
+        if target.exists() and not target.is_file():
+            raise ValueError("it is no regular file")
         content = _text(library, indent=None if path.suffix == ".gz" else 1).encode()
         if path.suffix == ".gz":
             content = _compressed(content)
-        descriptor, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        descriptor, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         with os.fdopen(descriptor, "wb") as file:
             os.fchmod(file.fileno(), 0o644)
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        Path(temporary).replace(path)
+        Path(temporary).replace(target)
     except (OSError, TypeError, ValueError) as error:
         if temporary:
             with contextlib.suppress(OSError):

@@ -102,7 +102,7 @@ def test_the_least_change_of_the_largest_torque_is_told_with_its_gait(tmp_path):
         (lambda d: d["provenance"].update(date="2025-01-31"), "its head"),
         (lambda d: d["gaits"].pop(3), "its set of gaits"),
         (lambda d: d.pop("sha256"), "sha256"),
-        (lambda d: d.update(robot="digit"), "its head"),
+        (lambda d: d.update(robot="digit"), "robot 'digit'"),
         (
             lambda d: d.update(model_hash="0" * 16),
             "it is for model 0000000000000000, this robot is",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 
 import numpy as np
 import pytest
@@ -55,6 +56,19 @@ def test_saving_what_is_no_json_keeps_the_old_file(tmp_path):
 def test_saving_where_nothing_can_be_written_is_refused(tmp_path):
     with pytest.raises(GaitLibraryError, match="No such file"):
         save_library(full_library(), tmp_path / "missing" / "library.json")
+
+
+def test_a_link_stays_and_what_is_no_file_is_refused(tmp_path):
+    path, link, pipe = (tmp_path / name for name in ("library.json", "link.json", "pipe"))
+    path.write_text("old")
+    link.symlink_to(path)
+    save_library(full_library(), link)
+    assert link.is_symlink() and len(load_library(path).gaits) == 2
+    os.mkfifo(pipe)
+    with pytest.raises(GaitLibraryError, match="pipe: it is no regular file"):
+        save_library(full_library(), pipe)
+    assert pipe.is_fifo()
+    assert {entry.name for entry in tmp_path.iterdir()} == {"library.json", "link.json", "pipe"}
 
 
 def refusal(path) -> str:

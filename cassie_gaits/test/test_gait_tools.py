@@ -53,6 +53,21 @@ def test_a_library_for_another_model_is_refused(tmp_path):
     assert check_gaits.main([str(path)]) == 2
 
 
+def test_a_library_for_another_robot_is_refused(tmp_path, capsys):
+    path = changed(tmp_path, lambda document: document.update(robot="digit"))
+    for allow_uncertified in (False, True):
+        with pytest.raises(GaitLibraryError, match="the robot 'digit', expected 'cassie'"):
+            load_certified(path, allow_uncertified=allow_uncertified)
+    assert check_gaits.main([str(path), "--certify"]) == 2
+    assert "robot 'digit'" in capsys.readouterr().err
+
+
+def test_neighbours_and_certificates_are_not_asked_for_at_once(capsys):
+    assert check_gaits.main([str(OPTIMIZED), "--neighbours", "--certify"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == "" and "--neighbours certifies nothing" in printed.err
+
+
 def test_an_uncertified_library_runs_only_on_request(tmp_path):
     path = changed(tmp_path, lambda document: document["gaits"][2].update(certificate=None))
     with pytest.raises(GaitLibraryError, match="gait of 0 m/s is not certified"):

@@ -87,6 +87,13 @@ def test_a_figure_given_nested_and_with_dots_is_refused(value):
         from_mapping(Config, given)
 
 
+@pytest.mark.parametrize("empty", [{"gains": {"kp_knee": {}}}, {"gains.kp_knee": {}}])
+def test_an_empty_mapping_is_no_value_but_an_empty_group_is_one(empty):
+    with pytest.raises(ParameterError, match=r"gains.kp_knee = \{\} is a mapping"):
+        from_mapping(Config, {"rate": 500, **empty})
+    assert from_mapping(Config, {"rate": 500, "gains": {}}).gains == Gains()
+
+
 def test_a_figure_without_default_must_be_given():
     with pytest.raises(ParameterError, match=r"rate must be given \(1 \.\. 2000 Hz\)"):
         from_mapping(Config, {})

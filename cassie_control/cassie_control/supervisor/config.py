@@ -106,6 +106,7 @@ class SupervisorConfig:
             ("walk_height", "height_high"),
             ("ride_height_low", "ride_height"),
             ("battery_empty", "battery_low"),
+            ("upright_tilt", "fall_tilt"),
         ):
             lower, upper = getattr(self, low), getattr(self, high)
             numbers = isinstance(lower, (int, float)) and isinstance(upper, (int, float))

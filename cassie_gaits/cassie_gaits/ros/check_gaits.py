@@ -23,12 +23,12 @@ from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_library_file import (
     PACKAGED,
+    hold_robot,
     library_path,
     load_certified,
     load_library,
     save_library,
 )
-from cassie_gaits.model_hash import model_hash
 from cassie_gaits.neighbours import report
 from cassie_gaits.processes import available_cores, local_processes
 from cassie_gaits.ros.frame import tool
@@ -50,8 +50,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> int:
     library = load_library(options.file)
-    if library.model_hash != model_hash():
-        raise GaitLibraryError(f"gait library {options.file}: it is for another model")
+    try:
+        hold_robot(library)
+    except GaitLibraryError as error:
+        raise GaitLibraryError(f"gait library {options.file}: {error}") from None
+    if options.neighbours and options.certify:
+        raise GaitLibraryError("--neighbours certifies nothing: leave it out, or --certify")
     if options.neighbours:
         print(report(library.gaits, None if options.all else 10))
         return 0

@@ -20,11 +20,15 @@ from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
 from cassie_msgs.ros.process import Stop, run
 from cassie_msgs.srv import SolveGait
-from cassie_msgs.tunables import tunable
+from cassie_msgs.tunables import ParameterError, tunable
 
 _LOOK_PERIOD = 0.5  # s of wall time between checks for a request to stop
 BUDGET = 0.5
 """Time of solver and certificate together, above which a warning is reported. In s."""
+
+
+ESTIMATED = -1.0
+"""Value of a parameter for which the estimate in each request is used."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,11 +41,20 @@ class GaitOptimizerConfig:
         live=False,
     )
     payload: float = tunable(
-        -1.0, "kg", -1.0, 30.0, "Mass on the pelvis; -1: the estimate in each request"
+        ESTIMATED, "kg", -1.0, 30.0, "Mass on the pelvis; -1: the estimate in each request"
     )
     slope: float = tunable(
-        -1.0, "rad", -1.0, 0.5, "Rise of the ground ahead; -1: the estimate in each request"
+        ESTIMATED, "rad", -1.0, 0.5, "Rise of the ground ahead; -1: the estimate in each request"
     )
+
+    def __post_init__(self) -> None:
+        """Check that a payload is none below 0 but the word for the estimate.
+
+        Raises:
+            ParameterError: if it is; the message has the value.
+        """
+        if ESTIMATED < self.payload < 0.0:
+            raise ParameterError(f"payload = {self.payload:g} kg is neither 0 .. 30 kg nor -1")
 
 
 class GaitOptimizerNode(Node):
@@ -100,9 +113,9 @@ class GaitOptimizerNode(Node):
     def _make(self, asked: Conditions) -> Answer:
         """A gait for a request; parameters may replace the request's estimates."""
         given = self._config
-        if given.payload >= 0.0:
+        if given.payload != ESTIMATED:
             asked = replace(asked, payload=given.payload)
-        if given.slope > -1.0:
+        if given.slope != ESTIMATED:
             asked = replace(asked, slope=given.slope)
         with self._working:
             return self._maker.make(asked)

@@ -163,6 +163,9 @@ def from_mapping(cls: type[ConfigT], mapping: Mapping[str, Any]) -> ConfigT:
     for name in flat:
         if name not in known:
             raise ParameterError(unknown_name(name, known, "parameter"))
+    for name in _empty(mapping):
+        if name in known:
+            raise ParameterError(f"{name} = {{}} is a mapping, expected a value")
     config = typing.cast(ConfigT, _build(cls, flat, ""))
     check(config)
     return config
@@ -201,6 +204,13 @@ def flatten(mapping: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
             raise ParameterError(f"{twice} is given twice: {flat[twice]!r} and {part[twice]!r}")
         flat |= part
     return flat
+
+
+def _empty(mapping: Mapping[str, Any], prefix: str = "") -> Iterator[str]:
+    """Dotted names of empty mappings, of which `flatten` leaves nothing."""
+    for name, value in mapping.items():
+        if isinstance(value, Mapping):
+            yield from _empty(value, f"{prefix}{name}.") if value else [f"{prefix}{name}"]
 
 
 def unknown_name(name: str, known: Iterable[str], what: str) -> str:
