@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
 import signal
 import sys
 import time
@@ -37,6 +38,7 @@ from std_msgs.msg import String, UInt64
 from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.continuity import gaps
+from cassie_bags.bag.definitions import definition
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
     TYPES,
@@ -55,7 +57,7 @@ from cassie_bags.ros import recorded_topic, replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
 from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
-from cassie_msgs.layout import RobotState, Sensors
+from cassie_msgs.layout import Mode, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import WRITER
 
 TIMEOUT = 20.0
@@ -917,7 +919,26 @@ def test_a_replay_says_what_it_cannot_read(processes: Processes, tmp_path: Path)
     wait_until(lambda: not processes.running("replay"))
     processes.check("replay")
     log = processes.log("replay").read_text()
-    assert "is damaged or was not closed: " in log
+    assert "is damaged or not closed: " in log
+    assert "messages replayed" in log
+
+
+def test_topics_with_other_fields_than_the_installed_ones_are_not_played(
+    processes: Processes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def exchanged(kind: str) -> str:
+        text = definition(kind)
+        return re.sub(r"\bv([xy])\b", r"v_\1", text) if kind == Mode.TYPE else text
+
+    monkeypatch.setattr("cassie_bags.bag.writer.definition", exchanged)
+    bag = tmp_path / "bag.mcap"
+    write_bag(bag, glide_messages(0.1))
+    replay = [executable("cassie_bags", "replay"), bag, "--commands", "--rate", "100"]
+    processes.start("replay", replay)
+    wait_until(lambda: not processes.running("replay"))
+    processes.check("replay")
+    log = processes.log("replay").read_text()
+    assert "/cassie/mode is not replayed: the bag has other fields in cassie_msgs/msg/Mode" in log
     assert "messages replayed" in log
 
 

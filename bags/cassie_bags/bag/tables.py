@@ -27,7 +27,7 @@ MAX_ENTRIES = 256
 TIMES = {
     "time": Field("s", "log_time in seconds"),
     "log_time": Field("ns", "robot time, continued over episodes"),
-    "publish_time": Field("ns", "time of receipt, wall clock; robot time of a run without ROS"),
+    "publish_time": Field("ns", "when it was sent, wall clock; robot time of a run without ROS"),
 }
 """Columns at the beginning of every table."""
 

@@ -26,6 +26,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
 from cassie_bags.bag.clock import CLOCK_TOPIC
+from cassie_bags.bag.definitions import definition, parse_definition
 from cassie_bags.bag.playback import RATES, Playback
 from cassie_bags.bag.reader import BagIndex, read_messages, unknown_topic
 from cassie_bags.bag.recording import TYPES
@@ -92,6 +93,17 @@ class _PlayedIndex(BagIndex):
         if weak and topic not in TYPES:
             return QoSProfile(depth=_MOST_KEPT, reliability=ReliabilityPolicy.BEST_EFFORT)
         return _PLAYED
+
+
+def is_installed(schema: Schema) -> bool:
+    """Whether a bag's definition of a type has the fields of the installed one.
+
+    A definition that is not written in ROS's own form, or missing, is not compared.
+    """
+    if schema.encoding != "ros2msg" or not schema.data:
+        return True
+    own = parse_definition(schema.name, schema.data.decode("utf-8", "replace"))
+    return own == parse_definition(schema.name, definition(schema.name))
 
 
 class Replay(Node):
@@ -173,9 +185,8 @@ class Replay(Node):
             raise BagError(f"{moving[0]} moves a robot that listens: play it with --commands")
         index = _PlayedIndex()
         recorded = list(read_messages(path, topics or None, index))
-        if not index.complete:
-            lost = f"{index.lost_bytes} bytes could not be read" if index.lost_bytes else "no end"
-            self.get_logger().warning(f"{path} is damaged or was not closed: {lost}")
+        if index.damage:
+            self.get_logger().warning(f"{path} is {index.damage}")
         names = sorted({topic for topic, *_ in recorded} - {CLOCK_TOPIC} - OWN_TOPICS)
         for topic in topics:
             if topic not in index.types:
@@ -214,6 +225,8 @@ class Replay(Node):
         if topic in index.unreadable:
             raise BagError(index.unreadable[topic])
         kind = message_class(index.types[topic][0])
+        if not is_installed(index.definitions[topic]):
+            raise BagError(f"the bag has other fields in {index.types[topic][0]} than this machine")
         try:
             return self.create_publisher(kind, topic, qos)
         except InvalidTopicNameException:
