@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from cassie_msgs.ros.process import LEAVE_TIMEOUT
+from cassie_msgs.ros.process import LEAVE_TIMEOUT, own_arguments
 from cassie_msgs.ros.scheduling import BESIDE_NICENESS, BESIDE_PRIORITY
 
 FOLDER = Path(__file__).parent
@@ -77,6 +77,28 @@ def test_a_command_line_ros_cannot_read_is_refused_without_a_traceback():
     _, err = process.communicate(timeout=90)
     assert process.returncode == 2
     assert "picked: error: " in err and "kp_knee=3" in err and "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (None, "Error opening YAML file"),
+        ("a: [", "Sequences can only be values and not keys in params. Error at line 1"),
+        ("a:\n  b: 1\n", "Cannot have a value before ros__parameters at line 2"),
+    ],
+)
+def test_a_parameter_file_that_ros_cannot_read_is_named_with_the_reason(
+    tmp_path, text, reason, monkeypatch, capfd
+):
+    path = tmp_path / "file.yaml"
+    if text is not None:
+        path.write_text(text)
+    monkeypatch.setattr(sys, "argv", ["node", "--ros-args", "--params-file", str(path)])
+    with pytest.raises(SystemExit) as ended:
+        own_arguments("node")
+    assert ended.value.code == 2
+    (line,) = (line for line in capfd.readouterr().err.splitlines() if line.startswith("node: "))
+    assert str(path) in line and line.endswith(f": {reason}")
 
 
 def test_a_bug_in_a_callback_ends_the_node_with_status_1():

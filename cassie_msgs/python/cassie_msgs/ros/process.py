@@ -117,7 +117,10 @@ def own_arguments(name: str) -> list[str]:
 
 def _argument_error(error: Exception) -> str:
     """What is wrong with the arguments of ROS, without its place in the sources of ROS."""
-    text = " ".join(str(error).partition(". Error:")[0].partition(", at ")[0].split()).rstrip(".")
+    parts = (part.partition(", at ")[0] for part in str(error).split(". Error:", 1))
+    text, *reason = (" ".join(part.split()).rstrip(".") for part in parts)
+    if "params file" in text:
+        return ": ".join([text, *reason])
     if isinstance(error, _rclpy.UnknownROSArgsError):
         text = f"unknown argument {text.strip('[]')}"
     braces = "; braces need quotes within quotes: NAME:=\"'{...}'\"" if ":={" in text else ""
