@@ -201,3 +201,17 @@ def test_messages_without_a_stamp_get_the_robots_time_at_their_receipt(heard: Li
     times = heard.clock.times_at(received)
     assert times == [8 * MS + part for part in range(0, 10 * MS, MS // 2)]
     assert heard.clock.times_at([heard.wall + S]) == [18 * MS]  # the robot is paused
+
+
+def test_no_time_goes_back_where_a_sample_is_taken_after_others_that_came_later():
+    clock, wall = RobotClock(), 10 * S
+
+    def hear(kind: type[RobotState | Sensors], stamp: int) -> None:
+        clock.time_of(kind.TOPIC, lane(stamp, kind=kind), wall + stamp, kind.TOPIC.encode())
+
+    for kind, last in ((RobotState, 4), (Sensors, 2)):
+        for tick in range(last + 1):
+            hear(kind, tick * MS)
+    (before,) = clock.times_at([wall + 5 * MS])
+    hear(Sensors, 3 * MS)  # came before the last state
+    assert min(clock.times_at([wall + 6 * MS, wall + 3 * MS + 1])) >= before

@@ -56,9 +56,10 @@ from cassie_bags.errors import BagError, RunError
 from cassie_bags.ros import recorded_topic, replay
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
 from cassie_bags.ros.record import COMPLETE
-from cassie_bags.ros.recorded_topic import RecordedTopic, message_class
+from cassie_bags.ros.recorded_topic import Received, RecordedTopic, message_class
 from cassie_msgs.layout import Mode, RobotState, Sensors
 from cassie_msgs.ros.fast_lane import WRITER
+from cassie_msgs.ros.inbox import Inbox
 
 TIMEOUT = 20.0
 
@@ -603,6 +604,24 @@ def test_a_replay_publishes_every_message_with_its_type(
     with AnyReader([copy]) as reader:
         assert reader.topics["/clock"].msgtype == "rosgraph_msgs/msg/Clock"
         assert reader.topics["/clock"].msgcount > 10
+
+
+def test_a_message_that_was_sent_twice_stays_before_the_next_one(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+):
+    state = message_class("cassie_msgs/msg/RobotState")
+    publisher = node.create_publisher(state, "/cassie/state", 100)
+    topic = RecordedTopic(node, "cassie_msgs/msg/RobotState", "/cassie/state")
+    wait_until(lambda: topic.subscriptions[0].matched == 1)
+    received = iter((30, 20, 40))
+    monkeypatch.setattr(Inbox, "times", property(lambda inbox: (7, next(received))))
+    messages = glide_messages(0.01)["/cassie/state"][:3]
+    for raw in messages:
+        publisher.publish(raw)
+    taken: list[Received] = []
+    wait_until(lambda: len(taken.extend(topic.take()) or taken) == 3)
+    assert [each.received for each in taken] == [30, 30, 40]
+    assert [each.raw for each in taken] == list(messages)
 
 
 def test_messages_that_did_not_come_are_counted_by_topic(

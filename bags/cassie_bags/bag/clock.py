@@ -88,6 +88,7 @@ class RobotClock:
         self._wall_start: int | None = None
         # Robot time by time of receipt, since the last call of `times_at`. Both in ns.
         self._points: list[tuple[int, int]] = []
+        self._interpolated = 0  # newest time of receipt in that call, in ns
 
     def run_on_wall(self, wall_time: int) -> None:
         """Let time run as the wall clock does until a writer has robot time.
@@ -129,12 +130,14 @@ class RobotClock:
         """
         if self._wall_start is not None and received:
             self._note(max(received), self._on_wall(max(received)))
-        self._points.sort()
-        if not self._points:
+        # A sample may be taken after others that came later; no time goes back for it.
+        points = sorted(each for each in self._points if each[0] >= self._interpolated)
+        if not points:
             return [self.now] * len(received)
-        wall, robot = np.array(self._points, np.int64).T
+        wall, robot = np.array(points, np.int64).T
         robot = np.maximum.accumulate(robot)
-        self._points = [(int(wall[-1]), int(robot[-1]))]
+        self._interpolated = int(wall[-1])
+        self._points = [(self._interpolated, int(robot[-1]))]
         since = np.array(received, np.int64) - wall[0]  # from a start: floats have 53 bits
         if self._wall_start is not None:
             times = np.maximum(since + wall[0] - self._wall_start, 0)

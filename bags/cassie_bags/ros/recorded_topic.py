@@ -51,7 +51,8 @@ class Received:
 
     Attributes:
         raw: The message.
-        received, sent: Wall time of receipt and of publication. In ns.
+        received, sent: Wall time of receipt, never before that of the writer's message before, and
+            of publication. In ns.
         writer: Identity of its writer.
         number: Sequence number by its writer; None if there is none.
         lost: Number of messages of the topic that were lost until this one.
@@ -92,6 +93,7 @@ class RecordedTopic:
         self._offers: dict[bytes, Offer] = {}
         self._subscriptions: dict[Offer, RawSubscription] = {}
         self._numbers: dict[bytes, _Numbers] = {}
+        self._newest: dict[bytes, int] = {}  # time of receipt by writer, in ns
         self._is_message = message_check(topic) or self._is_readable
         self.stored = QOS_LANE
         if topic in TYPES:  # the lane's writers are reliable: subscribe before they appear
@@ -131,7 +133,10 @@ class RecordedTopic:
             inbox = subscription.inbox
             while (raw := subscription.take_raw()) is not None:
                 sent, received = inbox.times
-                taken = Received(raw, received, sent or received, inbox.writer, inbox.number)
+                writer = inbox.writer
+                # What had to be sent twice comes after the next ones, and DDS hands it out before.
+                received = self._newest[writer] = max(received, self._newest.get(writer, 0))
+                taken = Received(raw, received, sent or received, writer, inbox.number)
                 if not self._is_new(taken):
                     continue
                 if self._is_message(raw):
