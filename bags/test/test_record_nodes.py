@@ -624,6 +624,22 @@ def test_a_message_that_was_sent_twice_stays_before_the_next_one(
     assert [each.raw for each in taken] == list(messages)
 
 
+def test_a_gap_of_any_length_in_a_writers_numbers_is_counted(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+):
+    state = message_class("cassie_msgs/msg/RobotState")
+    publisher = node.create_publisher(state, "/cassie/state", 100)
+    topic = RecordedTopic(node, "cassie_msgs/msg/RobotState", "/cassie/state")
+    wait_until(lambda: topic.subscriptions[0].matched == 1)
+    numbers = iter((1, 2**60, 2**60 - 1, 2**60 - 1))
+    monkeypatch.setattr(Inbox, "number", property(lambda inbox: next(numbers)))
+    for raw in glide_messages(0.01)["/cassie/state"][:4]:
+        publisher.publish(raw)
+    taken: list[Received] = []
+    wait_until(lambda: len(taken.extend(topic.take()) or taken) == 3)
+    assert [each.lost for each in taken] == [0, 2**60 - 2, 2**60 - 3]
+
+
 def test_messages_that_did_not_come_are_counted_by_topic(
     node: Node, monkeypatch: pytest.MonkeyPatch
 ):

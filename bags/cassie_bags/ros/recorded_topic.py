@@ -22,7 +22,6 @@ from cassie_msgs.standard_messages import read_transforms
 DEPTH = 10000
 """Length of each topic's queue: seconds of the control lane."""
 
-
 _TYPE = re.compile(r"(?P<package>[a-z]\w*)/msg/(?P<name>[A-Z]\w*)")
 _LARGEST = 20_000  # bytes of a message that is decoded for a check
 _GID_SIZE = 16
@@ -175,10 +174,10 @@ class RecordedTopic:
             elif taken.number == numbers.last + 1:
                 numbers.last += 1
             else:
-                before = len(numbers.missing)
+                before = numbers.lost
                 if not numbers.add(taken.number):
                     return False
-                self.lost += len(numbers.missing) - before
+                self.lost += numbers.lost - before
         taken.lost = self.lost
         return True
 
@@ -188,26 +187,34 @@ class _Numbers:
 
     Attributes:
         first, last: First and last number.
-        missing: Numbers between them that have not come.
+        missing: Numbers between them that have not come and may still come: of each gap the last
+            ones, as many as a queue holds.
+        lost: Number of messages between them that have not come.
     """
 
     def __init__(self, number: int) -> None:
         self.first = self.last = number
         self.missing: set[int] = set()
+        self.lost = 0
 
     def add(self, number: int) -> bool:
         """Note that a message has come; False if it had come before."""
         if number > self.last:
-            self.missing.update(range(self.last + 1, number))
+            self._miss(range(self.last + 1, number))
             self.last = number
         elif number < self.first:
-            self.missing.update(range(number + 1, self.first))
+            self._miss(range(number + 1, self.first))
             self.first = number
         elif number in self.missing:
             self.missing.remove(number)
+            self.lost -= 1
         else:
             return False
         return True
+
+    def _miss(self, gap: range) -> None:
+        self.lost += gap.stop - gap.start
+        self.missing.update(gap[-DEPTH:])
 
 
 def message_class(type_name: str) -> Any:
