@@ -36,12 +36,14 @@ class StandConfig:
         "Nm/rad",
         0.0,
         2000.0,
-        "Stiffness of torso pitch by both hips, and of a leg in the air",
+        "Stiffness of torso pitch through each hip; of the hip pitch of a leg in the air",
     )
     kp_knee: float = tunable(350.0, "Nm/rad", 0.0, 2000.0, "Knee stiffness")
     kd_hip_roll: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Hip roll damping")
     kd_hip_yaw: float = tunable(4.0, "Nms/rad", 0.0, 100.0, "Hip yaw damping")
-    kd_hip_pitch: float = tunable(5.0, "Nms/rad", 0.0, 100.0, "Damping of torso pitch by both hips")
+    kd_hip_pitch: float = tunable(
+        5.0, "Nms/rad", 0.0, 100.0, "Damping of torso pitch through each hip"
+    )
     kd_knee: float = tunable(12.0, "Nms/rad", 0.0, 100.0, "Knee damping")
     kd_leg_pitch: float = tunable(8.0, "Nms/rad", 0.0, 100.0, "Hip pitch damping under load")
     kp_com_x: float = tunable(
@@ -188,10 +190,14 @@ class SegwayConfig:
         0.1, "m", 0.03, 0.3, "Bound of CoM shift back plus sideways, as shins may meet the bar"
     )
     top_speed: float = tunable(
-        5.5, "m/s", 0.0, 10.0, "Estimated speed beyond which no lean adds speed"
+        5.5,
+        "m/s",
+        0.0,
+        10.0,
+        "Speed to which an operator's lean leads: com_x <= neutral + kp_speed (top_speed - v)",
     )
     back_speed: float = tunable(
-        1.0, "m/s", 0.0, 5.0, "Estimated speed backward beyond which no lean adds speed"
+        1.0, "m/s", 0.0, 5.0, "Speed backward to which an operator's lean leads, as top_speed"
     )
 
     def standing(self, stand: StandConfig) -> StandConfig:
@@ -291,7 +297,7 @@ class WalkConfig:
     earliest_touchdown: float = tunable(0.5, "", 0.1, 0.95, "Phase before which no step ends")
     latest_touchdown: float = tunable(1.5, "", 1.0, 2.0, "Phase at which a step ends anyway")
     quickest_step: float = tunable(
-        0.26, "s", 0.15, 0.6, "Duration of the quickest step, to catch a fall"
+        0.26, "s", 0.15, 0.6, "Duration of the quickest step; the rest of it counts in proportion"
     )
     slowest_step: float = tunable(
         1.2, "", 1.0, 2.0, "Duration of the slowest step, to catch a fall, ratio to the gait's"

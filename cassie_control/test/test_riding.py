@@ -214,8 +214,8 @@ def test_who_leans_it_at_a_steady_speed_tells_it_that_speed():
     leaning = mode_of(height=0.65, com_x=0.01, vx=3.0)
     told, _ = ridden(crouched(), leaning, 15000)
     silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 15000)
-    assert told.speed == pytest.approx(3.0, abs=0.2)
-    assert abs(silent.speed - 3.0) > 1.0
+    assert told.vehicle.speed == pytest.approx(3.0, abs=0.2)
+    assert abs(silent.vehicle.speed - 3.0) > 1.0
 
 
 class Rolling:
@@ -285,7 +285,7 @@ def turned(turn, pushed, ticks):
         forces=(0.5 * WEIGHT - push, 0.5 * WEIGHT + push),
     )
     state.v[3] = turn
-    return ridden(state, mode_of(height=0.65, com_x=0.001), ticks)[0].speed
+    return ridden(state, mode_of(height=0.65, com_x=0.001), ticks)[0].vehicle.speed
 
 
 def test_a_turn_tells_the_speed_by_the_grounds_acceleration_to_its_side():
@@ -301,7 +301,12 @@ def test_a_turn_to_either_side_tells_the_same():
 def test_a_speed_that_has_just_been_asked_for_is_not_taken_for_its_own():
     told, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01, vx=3.0), 2000)
     silent, _ = ridden(crouched(), mode_of(height=0.65, com_x=0.01), 2000)
-    assert told.speed == pytest.approx(silent.speed, abs=1e-9)
+    assert told.vehicle.speed == pytest.approx(silent.vehicle.speed, abs=1e-9)
+
+
+def com_shift(core):
+    """Set-point of the CoM after all bounds, forward and to the left of the feet."""
+    return float(core._set_points.com_x), float(core._set_points.com_y)
 
 
 def leant(ahead=0.0, outward=0.03, **commanded):
@@ -312,7 +317,7 @@ def leant(ahead=0.0, outward=0.03, **commanded):
     left, right = leg_joints(hip_roll=outward), leg_joints(hip_roll=-outward)
     state = state_of(left, right, height=0.65)
     state.com_position[0] += ahead
-    return ridden(state, mode_of(height=0.65, **commanded), 500)[0].lean
+    return com_shift(ridden(state, mode_of(height=0.65, **commanded), 500)[0])
 
 
 def test_the_nearer_the_feet_the_less_it_leans_to_a_side():
@@ -339,7 +344,7 @@ def test_it_leans_less_where_the_feet_do_not_carry_it(carried, left):
     state = state_of(leg_joints(), leg_joints(), height=0.65, forces=(half, half))
     for sign in (1.0, -1.0):
         core = ridden(state, mode_of(height=0.65, com_y=0.02 * sign), 1000)[0]
-        assert core.lean[1] == pytest.approx(0.02 * sign * left, abs=0.001)
+        assert com_shift(core)[1] == pytest.approx(0.02 * sign * left, abs=0.001)
 
 
 def test_hands_off_it_steers_back_to_the_heading_that_it_had():
@@ -351,12 +356,14 @@ def test_hands_off_it_steers_back_to_the_heading_that_it_had():
     )
     core.start(readings)
     core.step(readings, mode, MotorCommand())
-    _, ahead = core.lean
+    _, ahead = com_shift(core)
     state = crouched()
     state.q[3] -= 0.1
     core.step(readings_of(state), mode, MotorCommand())
-    assert core.lean[1] - ahead == pytest.approx(CONFIG.kp_yaw_rate * CONFIG.heading_gain * 0.1)
+    assert com_shift(core)[1] - ahead == pytest.approx(
+        CONFIG.kp_yaw_rate * CONFIG.heading_gain * 0.1
+    )
     leant = mode_of(vx=2.0, com_x=0.02)
     core.step(readings_of(state), leant, MotorCommand())
     core.step(readings_of(state), mode, MotorCommand())
-    assert core.lean[1] == pytest.approx(ahead, abs=1e-6)
+    assert com_shift(core)[1] == pytest.approx(ahead, abs=1e-6)

@@ -18,6 +18,7 @@ from robot_states import (
 )
 
 from cassie_control.config import StandConfig
+from cassie_control.control.balance import Balance
 from cassie_control.control.robot import ANKLE_HEIGHT, HIP_DOWN
 from cassie_control.control.standing import StandingController
 from cassie_gaits import virtual_leg
@@ -33,7 +34,11 @@ TOES, KNEES, HIP_ROLLS = [4, 9], [3, 8], [0, 5]
 
 def stood(state, mode=None, ticks=1, lean=0.0, config=CONFIG):
     """The command after so many ticks in one state."""
-    core, command, readings = StandingController(config, PERIOD), MotorCommand(), readings_of(state)
+    core, command, readings = (
+        StandingController(Balance(config, PERIOD), PERIOD),
+        MotorCommand(),
+        readings_of(state),
+    )
     core.start(readings)
     for _ in range(ticks):
         core.step(readings, mode or mode_of(height=0.9), command, lean)
@@ -157,7 +162,11 @@ def test_the_height_error_is_not_summed_up_in_the_air():
 
 @pytest.mark.parametrize("height", [0.4, 1.0])
 def test_the_legs_move_smoothly_to_whatever_height(height):
-    core, command, readings = StandingController(CONFIG, PERIOD), MotorCommand(), None
+    core, command, readings = (
+        StandingController(Balance(CONFIG, PERIOD), PERIOD),
+        MotorCommand(),
+        None,
+    )
     readings = readings_of(both_feet(forces=(0.0, 0.0)))
     core.start(readings)
     found = []
@@ -175,7 +184,11 @@ def test_the_com_is_held_to_be_where_the_feet_press(side):
     """More force on one foot at rest: the CoM is there, whatever its estimate, and is sent back."""
     share = 0.5 + 0.1 * side
     aside = both_feet(forces=(share * WEIGHT, (1.0 - share) * WEIGHT))
-    core, command, readings = StandingController(CONFIG, PERIOD), MotorCommand(), readings_of(aside)
+    core, command, readings = (
+        StandingController(Balance(CONFIG, PERIOD), PERIOD),
+        MotorCommand(),
+        readings_of(aside),
+    )
     core.start(readings)
     knees = []
     for _ in range(5000):
@@ -189,7 +202,7 @@ def test_the_com_is_held_to_be_where_the_feet_press(side):
 
 def settled(state, config=CONFIG):
     """The command in a state, of one who has stood calmly before."""
-    core, command = StandingController(config, PERIOD), MotorCommand()
+    core, command = StandingController(Balance(config, PERIOD), PERIOD), MotorCommand()
     before = readings_of(both_feet())
     core.start(before)
     for _ in range(round(1.1 * config.settle_time / PERIOD)):
@@ -202,7 +215,11 @@ def settled(state, config=CONFIG):
 
 def test_joint_rates_that_ring_do_not_shake_the_toes_of_one_who_has_settled():
     """Shin rates come late: in the springs' mode the CoM seems to move, and its place does not."""
-    core, command, state = StandingController(CONFIG, PERIOD), MotorCommand(), both_feet()
+    core, command, state = (
+        StandingController(Balance(CONFIG, PERIOD), PERIOD),
+        MotorCommand(),
+        both_feet(),
+    )
     core.start(readings_of(state))
     readings, torques = readings_of(state), []
     for tick in range(1000):

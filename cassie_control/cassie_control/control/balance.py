@@ -16,6 +16,12 @@ BOTH_FEET = 0.7
 MIN_COM_HEIGHT = 0.3
 """Least height of the CoM above the feet as the length of a pendulum. In m."""
 
+
+def pendulum_time(height: float) -> float:
+    """Time constant of the CoM at a height (m) above the feet, as a pendulum. In s."""
+    return math.sqrt(max(MIN_COM_HEIGHT, height) / GRAVITY)
+
+
 HANGING_CONTACT = 0.3
 """Contact probability of the more loaded foot below which the robot hangs."""
 
@@ -34,7 +40,7 @@ _MAX_COM_ERROR = 0.08  # m, saturation of the CoM's error: 8 kg may hang 0.05 m 
 _MAX_INNOVATION = 0.02  # m, saturation of the CoM's innovation, so that a push has little effect
 _INITIAL_BIAS_TIME = 0.7  # s, time constant of the CoM's error before settling
 _MAX_SIDE_FORCE = 0.5  # of the sideways force over the weight: less than a dry floor's friction
-_MIN_FOOT_DISTANCE = 0.1  # m
+_MIN_FOOT_DISTANCE = 0.1  # m, of the feet to a side, where their loads shift the CoP
 
 
 class Balance:
@@ -70,7 +76,8 @@ class Balance:
         bending_torque: Torque that bends the torso forward. In Nm.
         torso_regulation: Factor on the torso's regulation, pitch and roll, 0..1.
         settled: How far the robot has settled on its feet, 0..1.
-        capture_point: Capture point from the middle of the feet, forward and to the left. In m.
+        capture_point: Capture point, forward from the middle of the feet that carry, to the left
+            from the middle of both. In m.
         rise_helps: Whether a push moves the capture point forward to the toes, so that a rise
             helps.
         outside_support: Distance of the capture point outside the support, forward and sideways. In
@@ -145,7 +152,7 @@ class Balance:
         height = max(MIN_COM_HEIGHT, readings.com_from_feet[2])
         width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
         width = max(_MIN_FOOT_DISTANCE, width)
-        self._update_capture_point(x, y, math.sqrt(height / GRAVITY), 0.5 * width)
+        self._update_capture_point(x, y, pendulum_time(height), 0.5 * width)
         residual_x = self._update_cop_x(x - float(mode.com_x), x)
         residual_y = self._update_left_share(y - com_y, y, width)
         cop_y = (self.left_share - 0.5) * width

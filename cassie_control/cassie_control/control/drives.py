@@ -16,16 +16,18 @@ without latency: with all of the motion replaced, damping torques that the drive
 would cause oscillation at that frequency. With late drives both become 1 (`gains`).
 
 The swing leg. Torques accelerate the swing leg as its desired outputs require. In its plane the leg
-is a double pendulum of hip pitch p and knee k, with relaxed springs (the tarsus turns against the
-knee) and the foot kept level. About the hip roll axis its inertia depends on the knee:
+is a double pendulum of the thigh's pitch in space p and knee k, with relaxed springs (the tarsus
+turns against the knee) and the foot kept level. About the hip roll axis its inertia depends on the
+knee:
 
     u_pitch = A p'' + B k'' + A' p' k' + B' k'^2
     u_knee  = B p'' + C k'' - A' p'^2 / 2
     u_roll  = R r'' + R' r' k'
 
 with A, B, C and R functions of the knee angle, drives' armature included. A', B' and R' are their
-derivatives by the knee angle. C is nearly constant, so u_knee leaves out C' k'^2 / 2. Gravity is
-left to the position loop: it holds a hanging leg within 0.01 rad.
+derivatives by the knee angle. u_knee leaves out C' k'^2 / 2, as C is nearly constant, and
+-R' r'^2 / 2, which is 0.3 Nm at 1 rad/s. Gravity is left to the position loop: it holds a hanging
+leg within 0.01 rad.
 
 Source:
     Cubic polynomials fitted to the mass matrix of `cassie_gaits.dynamics` for knees of -2.4 to
@@ -120,7 +122,7 @@ _B = (0.5699, -0.0817, -0.1565, -0.0302)
 _C = (0.4899, -0.0042, -0.0024, -0.0004)
 _R = (1.3723, -0.1943, -0.4381, -0.0809)
 
-_MAX_SWING_LAG = 0.03  # m
+_MAX_SWING_LAG = 0.03  # m, of a shortening leg's measured length behind the commanded one
 _MIN_LENGTH, _MAX_LENGTH = 0.4, 0.97  # m, range of the commanded leg length
 _MIN_SWING_LENGTH = 0.45  # m, shortest leg for the inertia
 
@@ -171,9 +173,12 @@ def drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCom
     shortens, not so under the paper's law: a foot that is held back, as by the edge of a riser,
     must not load the springs.
 
-    With F the foot's force, the hip's roll and pitch get
+    With F the foot's force, the drive laws of the hip's roll and pitch are blended, without the
+    feed-forward torque:
 
-        u = (1 - sat((F - 30 N) / 100 N)) u_swing + load / max(1, sum of loads) u_stance.
+        u = (1 - sat((F - 30 N) / 100 N)) u_swing + load / max(1, sum of loads) u_stance,
+
+    with u_stance that of a stance hip at full load.
     """
     q, v, base = robot.joints[i], robot.rates[i], LEG_DRIVE_COUNT * i
     desired, rates = step.desired, step.desired_rates
@@ -285,8 +290,8 @@ def inertia_torques(
     roll_rate, leg_pitch_rate, length_rate = rates
     roll_acceleration, leg_pitch_acceleration, length_acceleration = accelerations
     sine, cosine = math.sin(knee + KNEE_OFFSET), math.cos(knee + KNEE_OFFSET)
-    squares, product = SHIN * SHIN + THIGH * THIGH, SHIN * THIGH
-    length = math.sqrt(squares + 2.0 * product * cosine)
+    product = SHIN * THIGH
+    length = virtual_leg.length(knee)
     # Derivatives of leg length and leg pitch by the knee angle, at a fixed hip pitch.
     d_length = -product * sine / length
     d2_length = (-product * cosine - d_length * d_length) / length

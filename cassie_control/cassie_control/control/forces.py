@@ -13,13 +13,21 @@ with t the time since its touchdown and t_end that of the next touchdown.
 from __future__ import annotations
 
 from cassie_control.control.gains import Gains
-from cassie_control.control.robot import Robot, holding_torques, pendulum_height
+from cassie_control.control.robot import Robot, pendulum_height
 from cassie_control.planner.terrain import GroundSlope
 from cassie_control.planner.timing import StepTiming
 from cassie_gaits import robot as model
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair
-from cassie_gaits.names import LEG_DRIVE_COUNT, TOE_DRIVE
+from cassie_gaits.names import (
+    HIP_PITCH,
+    HIP_ROLL,
+    HIP_YAW,
+    KNEE,
+    LEG_DRIVE_COUNT,
+    TARSUS,
+    TOE_DRIVE,
+)
 from cassie_gaits.records import FloatArray, Records
 from cassie_msgs.layout import MotorCommand
 
@@ -52,7 +60,9 @@ def carry_weight(
     slope: GroundSlope,
     command: MotorCommand,
 ) -> None:
-    """Set the torques with which both legs carry the weight; the toes get none.
+    """Assign the torques with which both legs carry the weight; the toes get none.
+
+    Called before all functions that add torques.
 
     Args:
         gain: Constants of the law.
@@ -128,3 +138,32 @@ def _set_weight_torques(
     for k in range(len(torques)):
         command.torque[base + k] = torques[k]
     command.torque[base + TOE_DRIVE] = 0.0
+
+
+@compiled
+def holding_torques(
+    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
+) -> tuple[float, float, float, float]:
+    """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
+
+    Args:
+        jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in m/rad.
+        tilt: Rotation from pelvis to heading frame. Shape (3, 3).
+        force: Vertical part of the ground force. In N.
+        lean_x, lean_y: Ratios of the force's horizontal parts to the vertical, heading frame.
+
+    Returns:
+        Torques. In Nm.
+
+    Source:
+        u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
+    """
+    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
+    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
+    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
+    roll = jacobian[0, HIP_ROLL] * x + jacobian[1, HIP_ROLL] * y + jacobian[2, HIP_ROLL] * z
+    yaw = jacobian[0, HIP_YAW] * x + jacobian[1, HIP_YAW] * y + jacobian[2, HIP_YAW] * z
+    pitch = jacobian[0, HIP_PITCH] * x + jacobian[1, HIP_PITCH] * y + jacobian[2, HIP_PITCH] * z
+    knee = jacobian[0, KNEE] * x + jacobian[1, KNEE] * y + jacobian[2, KNEE] * z
+    tarsus = jacobian[0, TARSUS] * x + jacobian[1, TARSUS] * y + jacobian[2, TARSUS] * z
+    return -roll, -yaw, -pitch, tarsus - knee

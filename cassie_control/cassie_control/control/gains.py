@@ -10,8 +10,9 @@ from cassie_gaits.records import FloatArray, Record, array, whole
 class Gains(Record):
     """Gains of the walking law.
 
-    Attributes with the name of a field of `config.WalkConfig` come from that field, and are 0 where
-    the paper's law leaves them out.
+    Attributes with the name of a field of `config.WalkConfig` come from that field. Those of
+    `_ZERO_IN_PAPER` are 0 under the paper's law, whose other differences are branches on
+    `as_in_paper`.
 
     Attributes:
         as_in_paper: 1 under the paper's law, 0 with this project's additions to it.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 
 from cassie_control.config import ControllerConfig
+from cassie_control.control.balance import Balance
 from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
 from cassie_control.control.outputs import Step
@@ -142,7 +143,7 @@ class GaitController:
         """Start afresh, without any memory of the past; takes 10 ms."""
         config, period = self.config, self._period
         self.readings = Readings()
-        self.standing = StandingController(config.stand, period)
+        self.standing = StandingController(Balance(config.stand, period), period)
         self.riding = RidingController(config.segway, config.stand, period)
         self.walking = WalkingController(config.walk, self._library, period)
         self.learning = TorqueLearning(config, self._learned, period)

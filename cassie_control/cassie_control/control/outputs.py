@@ -312,7 +312,8 @@ def _level_hip_path(
 
     The weight is 1 forward, and changes to `level_back` from 0 to 1/3 m/s backward. So the hip
     travels parallel to the slope, and keeps its height over the ground around the foot. The rate
-    leaves out that of the fade (DECISIONS.md, Walking).
+    leaves out those of the fade, of the rise to the side, and of the bound of 0.95 m (DECISIONS.md,
+    Walking).
     """
     backward = backward_share(timing.velocity[0])
     weight = fade(phase) * (1.0 + backward * (gain.level_back - 1.0))

@@ -5,31 +5,29 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import StandConfig, TransitionConfig
-from cassie_control.control.balance import BOTH_FEET, MIN_COM_HEIGHT
+from cassie_control.control.balance import BOTH_FEET, pendulum_time
 from cassie_control.control.robot import SOLE_HALF_LENGTH, Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
 from cassie_gaits.names import KNEE, LEG_DRIVE_COUNT, TOE_DRIVE
-from cassie_gaits.robot import GRAVITY, WEIGHT
+from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
-_STANDING_MEMORY = 1.5  # s after standing on both feet in which a recovery step may begin
+_STANDING_MEMORY = 1.5  # s with little load on the feet, after which no recovery step may begin
 _MIN_STANDING_LOAD = 0.6  # share of the weight on the feet that counts as standing
 _MIN_STEP_LOAD = 0.4  # share of the weight on the feet below which the robot is in the air
 _REST_X = 0.06  # m, distance of capture point and feet's midpoint from which standing brings rest
 _REST_FOOT_DISTANCE = (0.2, 0.45)  # m, distance of the feet that standing takes over
 _REST_VERTICAL_SPEED = 0.2  # m/s, vertical speed with which both feet stay on the ground
-_REST_TILT = 0.15  # rad
-_BRAKING_REACH = (
-    SOLE_HALF_LENGTH - 0.015
-)  # m, bound of the centre of pressure from the sole's middle
+_REST_TILT = 0.15  # rad, of the torso, below which standing can right it
+_BRAKING_REACH = SOLE_HALF_LENGTH - 0.015  # m, of the centre of pressure from the sole's middle
 
 
 def comes_to_rest(readings: Readings) -> bool:
     """Whether standing, from this touchdown on, brings the robot to rest."""
     x, y, height = readings.com_from_feet
-    time = math.sqrt(max(MIN_COM_HEIGHT, height) / GRAVITY)
+    time = pendulum_time(height)
     vx, vy, _ = readings.com_velocity
     width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
     within = abs(x + time * vx) < _REST_X and abs(y + time * vy) < 0.5 * width
@@ -54,8 +52,7 @@ def add_braking_toe_torque(readings: Readings, stance: int, command: MotorComman
         command: Set-points of walking, whose stance toe gives no torque; torque is added.
     """
     leg = readings.legs[stance]
-    height = max(MIN_COM_HEIGHT, readings.com_from_feet[2])
-    time = math.sqrt(height / GRAVITY)
+    time = pendulum_time(readings.com_from_feet[2])
     capture_x = readings.com[0] + time * readings.com_velocity[0] - leg.foot[0]
     cop_x = max(-_BRAKING_REACH, min(_BRAKING_REACH, capture_x)) + leg.foot[0]
     torque = -leg.contact * max(0.0, leg.force) * (cop_x - leg.ankle[0])
@@ -105,7 +102,8 @@ class RecoveryStep:
     The capture point, CoM + velocity sqrt(z / g), is the centre of pressure at which the robot
     would come to rest. Standing holds the capture point inside the soles, and a little beyond by
     bending the torso. The robot steps when the capture point is `recovery_margin` outside.
-    The foot with less load swings. A robot that hangs, or has just come down, does not step.
+    The foot with less load swings. A robot that hangs does not step, nor one that has not stood on
+    both feet since.
 
     Args:
         period: Control period. In s.

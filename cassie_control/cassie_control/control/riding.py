@@ -224,7 +224,8 @@ class RidingController:
     with e the error of the heading, which turns by yaw_rate, r the yaw rate and n, v, f s of
     `VehicleSpeedFilter`. For vx = 0 f s is left out, so that rolling resistance stops the Segway;
     c_y* is 0 while vx and yaw_rate are 0. c_x* keeps the centre of pressure, c_x* - h a / g, within
-    `press_limit`.
+    `press_limit`. All laws read a state whose vertical is that of `VerticalFilter`, and whose CoM
+    moves relative to the feet.
 
     Attributes:
         vehicle: Filter of the vehicle's speed.
@@ -242,7 +243,7 @@ class RidingController:
     def __init__(self, config: SegwayConfig, stand: StandConfig, period: float) -> None:
         self._period = period
         self._balance = MovingBalance(config, stand, period)
-        self._standing = StandingController(stand, period, self._balance)
+        self._standing = StandingController(self._balance, period)
         self._set_points = Mode()
         self._vertical = VerticalFilter(period)
         self.vehicle = self._balance.vehicle
@@ -263,16 +264,6 @@ class RidingController:
     def configure(self, config: SegwayConfig, stand: StandConfig) -> None:
         """Use new gains at once."""
         self._balance.configure(config, stand)
-
-    @property
-    def speed(self) -> float:
-        """Estimated forward speed. In m/s."""
-        return self.vehicle.speed
-
-    @property
-    def lean(self) -> tuple[float, float]:
-        """Set-point of the CoM after all bounds, forward and to the left of the feet. In m."""
-        return float(self._set_points.com_x), float(self._set_points.com_y)
 
     def start(self, readings: Readings, com_error: tuple[float, float] = (0.0, 0.0)) -> None:
         """Begin at rest, from the present pose.
@@ -308,8 +299,9 @@ class RidingController:
             self._lean_for_speed(readings, mode, set_points)
         else:
             self._heading = math.nan
-        com_x = self._com_x_range(readings, holds_speed).clamp(float(set_points.com_x))
-        com_y = self._com_y_range(readings).clamp(float(set_points.com_y))
+        ahead, left = self._balance.equilibrium(readings)
+        com_x = self._com_x_range(readings, holds_speed, ahead).clamp(float(set_points.com_x))
+        com_y = self._com_y_range(readings, left).clamp(float(set_points.com_y))
         weight = self._lean_weight(readings)
         set_points.com_x[...] = weight * com_x
         set_points.com_y[...] = weight * com_y
@@ -359,7 +351,7 @@ class RidingController:
         self._heading = yaw + error
         return error
 
-    def _com_x_range(self, readings: Readings, holds_speed: bool) -> Interval:
+    def _com_x_range(self, readings: Readings, holds_speed: bool, equilibrium: float) -> Interval:
         """Range of the CoM's set-point, forward; of ranges that contradict, the later one counts.
 
         - Speed: no lean of the operator increases a speed that is too high for the motors.
@@ -367,23 +359,31 @@ class RidingController:
           and needs a larger pressure.
         - Corner: far back and to a side the outer shin touches the pad of the bar. The bar carries
           the robot instead of the foot, which slips; when the bar comes free the robot falls.
+
+        Args:
+            readings: The robot now.
+            holds_speed: Whether the robot holds its speed, instead of a lean of the operator.
+            equilibrium: Equilibrium of the CoM, ahead of the centre of pressure. In m.
         """
         c = self.config
         com_x = _ANY if holds_speed else self._speed_range()
         forward = self._balance.acceleration[0] / _FULL_PRESSURE_ACCELERATION
         ahead = c.press_limit + c.press_more * max(0.0, min(1.0, forward))
         back = c.press_limit + c.press_more * max(0.0, min(1.0, -forward))
-        equilibrium, _ = self._balance.equilibrium(readings)
         com_x = com_x.within(equilibrium - back, equilibrium + ahead)
         corner = max(_MIN_LEAN, c.corner - abs(readings.com_from_feet[1]))
         return com_x.within(-corner, math.inf)
 
-    def _com_y_range(self, readings: Readings) -> Interval:
+    def _com_y_range(self, readings: Readings, equilibrium: float) -> Interval:
         """Range of the CoM's set-point, to the left; of ranges that contradict, the later counts.
 
         - Backward: a lean to a side makes the robot fall off while it rolls backward.
         - Pressure: as forward. Feet that are close together permit less to a side.
         - Corner: as forward.
+
+        Args:
+            readings: The robot now.
+            equilibrium: Equilibrium of the CoM, to the left of the centre of pressure. In m.
         """
         c, speed, com_y = self.config, self.vehicle.speed, _ANY
         if speed < 0.0:
@@ -393,7 +393,6 @@ class RidingController:
         width = readings.legs[0].foot[1] - readings.legs[1].foot[1]
         narrow = max(0.0, c.press_distance - width)
         limit = max(_MIN_LEAN, c.press_limit_y - _LIMIT_PER_WIDTH * narrow)
-        _, equilibrium = self._balance.equilibrium(readings)
         com_y = com_y.within(equilibrium - limit, equilibrium + limit)
         corner = max(_MIN_LEAN, c.corner - max(0.0, -readings.com_from_feet[0]))
         return com_y.within(-corner, corner)

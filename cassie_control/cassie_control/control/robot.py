@@ -11,7 +11,6 @@ import numpy as np
 
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, place_legs
-from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, TARSUS
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.robot import FOOT_CONTACTS, LEFT_LEG, SOLE_RADIUS
 from cassie_gaits.vectors import Vector, turned
@@ -85,7 +84,7 @@ class Robot(Record):
         com_from_feet: Centre of mass from the midpoint of the feet. In m.
         com_velocity: Velocity of the centre of mass. In m/s.
         velocity: Velocity of the pelvis origin. In m/s.
-        load: Share of the load threshold that each foot carries, 0..1.
+        load: How far each foot is loaded, 0..1: `RobotState.foot_load`.
         force: Vertical force on each foot. In N.
         contact: Probability that each foot is on the ground, 0..1.
         joints: The seven joints of each leg. In rad.
@@ -212,35 +211,6 @@ def hip_pitch_ahead(robot: Robot) -> float:
     return ahead
 
 
-@compiled
-def holding_torques(
-    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
-) -> tuple[float, float, float, float]:
-    """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
-
-    Args:
-        jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in m/rad.
-        tilt: Rotation from pelvis to heading frame. Shape (3, 3).
-        force: Vertical part of the ground force. In N.
-        lean_x, lean_y: Ratios of the force's horizontal parts to the vertical, heading frame.
-
-    Returns:
-        Torques. In Nm.
-
-    Source:
-        u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
-    """
-    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
-    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
-    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
-    roll = jacobian[0, HIP_ROLL] * x + jacobian[1, HIP_ROLL] * y + jacobian[2, HIP_ROLL] * z
-    yaw = jacobian[0, HIP_YAW] * x + jacobian[1, HIP_YAW] * y + jacobian[2, HIP_YAW] * z
-    pitch = jacobian[0, HIP_PITCH] * x + jacobian[1, HIP_PITCH] * y + jacobian[2, HIP_PITCH] * z
-    knee = jacobian[0, KNEE] * x + jacobian[1, KNEE] * y + jacobian[2, KNEE] * z
-    tarsus = jacobian[0, TARSUS] * x + jacobian[1, TARSUS] * y + jacobian[2, TARSUS] * z
-    return -roll, -yaw, -pitch, tarsus - knee
-
-
 @dataclass(slots=True)
 class LegReadings:
     """One leg: its joints and where its toe joint is.
@@ -252,7 +222,7 @@ class LegReadings:
         joints: The seven joints. In rad.
         ankle: Toe joint from the pelvis origin, heading frame. In m.
         foot: Middle of the sole from the pelvis origin, heading frame. In m.
-        load: Share of the load threshold that the foot carries, 0..1.
+        load: How far the foot is loaded, 0..1.
         force: Vertical force on the foot. In N.
         contact: Probability that the foot is on the ground, 0..1.
     """

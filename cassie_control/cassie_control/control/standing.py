@@ -10,6 +10,7 @@ import math
 
 from cassie_control.config import StandConfig
 from cassie_control.control.balance import BOTH_FEET, HANGING_CONTACT, STANDING_CONTACT, Balance
+from cassie_control.control.forces import holding_torques
 from cassie_control.control.robot import (
     ANKLE_HEIGHT,
     HIP_DOWN,
@@ -18,7 +19,6 @@ from cassie_control.control.robot import (
     SOLE_MIDDLE,
     LegReadings,
     Readings,
-    holding_torques,
 )
 from cassie_gaits import virtual_leg
 from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, LEG_DRIVE_COUNT
@@ -60,7 +60,7 @@ def approach(
     return value + rate * period, rate
 
 
-_MAX_RISE_HEIGHT = 1.03  # m, largest pelvis height of a rise: the knees are then nearly straight
+_MAX_RISE_HEIGHT = 1.03  # m, largest pelvis height of a rise, 0.1 m below straight legs
 _RISE_HOLD_TIME = 0.3  # s for which the height is held once the capture point is safe again
 _RISE_RETURN_RATE = 0.2  # m/s, rate at which the height returns
 _RISE_RETURN_ACCELERATION = 1.0  # m/s^2, acceleration with which the height returns
@@ -143,9 +143,9 @@ class StandingController:
 
     `Balance` gives the centre of pressure, the share of each foot and the direction of the force:
 
-        toe torque of foot i   = -F_i (centre of pressure - toe joint), with the moment of the
-                                 force's horizontal part about the toe joint; in the air the toe
-                                 keeps the sole level,
+        toe torque of foot i   = -contact_i F_i (centre of pressure - toe joint), with the moment of
+                                 the force's horizontal part about the toe joint; in the air the
+                                 toe keeps the sole level,
         hip pitch              = torso pitch regulated through both hips, and the toe torque, which
                                  the leg transmits to the torso,
         hip roll, hip yaw      = held at the angle with which the foot took load,
@@ -158,18 +158,17 @@ class StandingController:
     the oscillation of the leaf springs. A foot that a push has lifted stays beside the other one.
 
     Args:
-        config: Gains.
+        balance: Balance law, with the gains.
         period: Control period. In s.
-        balance: Balance law, if not `Balance`.
 
     Source:
         Section "Quiet Standing". Each toe is weighted by its own foot's load, not by the smaller
         one, so that rocking does not take away the torque of the loaded foot.
     """
 
-    def __init__(self, config: StandConfig, period: float, balance: Balance | None = None) -> None:
+    def __init__(self, balance: Balance, period: float) -> None:
         self._period = period
-        self._balance = balance or Balance(config, period)
+        self._balance = balance
         self._rise = Rise(period)
         self._height = (0.0, 0.0)
         self._height_integral = 0.0
@@ -293,12 +292,16 @@ class StandingController:
         hip_angles = self._hip_angles[i]
         self._release_hips(hip_angles, leg, contact)
         air_pitch = self._air_foot_x(i, readings) / max(length, _MIN_LEVER)
+        knee = virtual_leg.knee_angle(length)
         command.position[drives] = (
             # A lifted leg keeps its angle in the world, to land where it left the ground.
             hip_angles[0] - float(mode.roll) - air * (readings.roll - float(mode.roll)),
             hip_angles[1],
-            virtual_leg.hip_pitch_angle(air_pitch, self._contact[1 - i] * readings.pitch, length),
-            virtual_leg.knee_angle(length),
+            air_pitch
+            + self._contact[1 - i] * readings.pitch
+            + virtual_leg.lean(knee)
+            - virtual_leg.HIP_OFFSET,
+            knee,
             virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[HIP_PITCH]),
         )
         command.velocity[drives] = 0.0
@@ -342,7 +345,7 @@ class StandingController:
     def _toe_torque(self, leg: LegReadings) -> float:
         """Torque, in Nm, that moves the foot's centre of pressure to `Balance.cop_x`.
 
-        Both soles have the same: the edges of feet that stand one ahead of the other differ.
+        Each foot has it at the same place of its own sole, whichever foot stands ahead.
         """
         balance, limit = self._balance, DRIVES["toe"].torque_limit
         arm = leg.foot[0] + balance.cop_x - leg.ankle[0] + ANKLE_HEIGHT * balance.force_ratio[0]

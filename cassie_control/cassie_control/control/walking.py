@@ -156,9 +156,10 @@ class WalkingController:
 
     Desired outputs are Bezier polynomials in phase, interpolated over the filtered sagittal
     velocity. A library may also have axes for the mean sideways velocity of the last two steps and
-    the commanded turning rate. The first two coefficients are reset at each touchdown so that
-    position and velocity continue. Leg-angle adjustment (`planner.footstep`) changes pitch, roll
-    and length of the swing leg, smoothly over the step; hip yaws turn towards the heading.
+    the commanded turning rate. The first two coefficients of the legs' outputs are those of the
+    posture at touchdown; only roll and pitch of the swing leg go on at their rates. Leg-angle
+    adjustment (`planner.footstep`) changes pitch, roll and length of the swing leg, smoothly over
+    the step; hip yaws turn towards the heading.
 
     Of the additions to the paper, README, Walking, has the equation of each, and says which of them
     stay under the paper's own law (`law`: paper). `compute_set_points` has their order.

@@ -35,11 +35,11 @@ class Accelerometer(Record):
         information: Information matrix of `load`. In s/m^2.
         weighted_load: Product of `information` and `load`. In s/m.
         expected_history: Ring buffer of the band-passed expected acceleration. In m/s^2.
+        last_measured: Band-passed measurement of the sample before. In m/s^2.
         power: Low-passed square of the band-passed expected acceleration. In (m/s^2)^2.
         delay_sums: Time for which the axis fitted each of `DELAYS` better than none. In s.
         rejected_for: Remaining time for which the axis is rejected. In s.
         stance_share: Low-passed share of time in which the feet carried the robot.
-        impact_time: Remaining time for which the response to an impact may last. In s.
         velocities: Velocities of the ten drives and the gyro's three axes, newest first. In rad/s.
         expected: Expected acceleration. In m/s^2.
     """
@@ -52,11 +52,11 @@ class Accelerometer(Record):
     information: FloatArray = array(3, 3)
     weighted_load: FloatArray = array(3)
     expected_history: FloatArray = array(_HISTORY_TICKS, 3)
+    last_measured: FloatArray = array(3)
     power: FloatArray = array(3)
     delay_sums: FloatArray = array(len(DELAYS), 3)
     rejected_for: FloatArray = array(3)
     stance_share: float
-    impact_time: float
     velocities: FloatArray = array(3, len(DRIVES) + 3)
     expected: FloatArray = array(3)
 
@@ -169,7 +169,6 @@ def check_accelerometer(
         others_accepted: Whether all sensors behind the expected acceleration are accepted.
     """
     standing = 1.0 if force > _STANCE_FORCE_RATIO * robot.WEIGHT else 0.0
-    accelerometer.impact_time = max(0.0, accelerometer.impact_time - dt)
     gain = 1.0 - math.exp(-dt / _STANCE_TIME)
     accelerometer.stance_share += gain * (standing - accelerometer.stance_share)
     # In a gantry the expected acceleration is wrong, and a cable that slackens looks like spikes.
@@ -325,11 +324,10 @@ def _load_jacobian_row(angular: Vector, k: int) -> Vector:
 
 _POWER_TIME = 0.2  # s, time constant of `Accelerometer.power`
 _MAX_LATENCY = 0.006  # s by which torques may act later than they are measured
-_IMPACT_RESIDUAL = 4.0  # normalised squared residual of every delay, from which it is an impact
-_IMPACT_TIME = 0.1  # s for which the legs' response to an impact may look like a delay
-_DELAY_ERROR_WEIGHT = 2.0  # of the residual that a delay leaves: a push fits neither hypothesis
+_LATENCY_STEP = 0.002  # s, between the latencies that are tried
+_INNOVATION_RATIO = 0.08  # of the innovations' variance to that of white noise with such residuals
 _ALLOWANCE = 0.1  # normalised squared residuals by which a delay must fit better
-_DELAY_SUM = 0.019  # s, threshold of the sums: healthy sensors reach 0.88 of it, see DECISIONS.md
+_DELAY_SUM = 0.013  # s, threshold of the sums: healthy sensors reach 0.89 of it, see DECISIONS.md
 _MAX_DELAY_SUM = 2.0 * _DELAY_SUM  # s, saturation of the sums
 
 
@@ -338,11 +336,9 @@ def _is_delayed(accelerometer: Accelerometer, dt: float, ticks: int, k: int) -> 
     """Whether axis k, by enough evidence, follows the expected acceleration with a delay.
 
     Cumulative sum test for each delay D of `DELAYS`, as in `pairs`. With the normalised squared
-    residual e(D) = min(1, (measured - expected D ago)^2 / sigma^2), the sum grows by
-
-        dt (least of e(0) to e(_MAX_LATENCY) - _DELAY_ERROR_WEIGHT e(D) - _ALLOWANCE)
-
-    and stays between 0 and `_MAX_DELAY_SUM`.
+    residual e(D) = min(1, (measured - expected D ago)^2 / sigma^2) and the error e_0 of a healthy
+    axis (`_healthy_error`), the sum grows by dt (e_0 - e(D) - _ALLOWANCE) and stays between 0 and
+    `_MAX_DELAY_SUM`.
 
     Args:
         accelerometer: Changed in place.
@@ -359,11 +355,8 @@ def _is_delayed(accelerometer: Accelerometer, dt: float, ticks: int, k: int) -> 
     gain = 1.0 - math.exp(-dt / _POWER_TIME)
     accelerometer.power[k] += gain * (expected * expected - accelerometer.power[k])
     variance = _residual_variance(accelerometer, k)
-    undelayed = _least_squared_residual(accelerometer, ticks, dt, k, measured, _MAX_LATENCY)
-    undelayed_error = min(1.0, undelayed / variance)
-    best = _least_squared_residual(accelerometer, ticks, dt, k, measured, DELAYS[-1])
-    if best > _IMPACT_RESIDUAL * variance:
-        accelerometer.impact_time = _IMPACT_TIME
+    healthy_error = min(1.0, _healthy_error(accelerometer, ticks, dt, k, measured, variance))
+    accelerometer.last_measured[k] = measured
     delayed = False
     for j in range(len(DELAYS)):
         delay_ticks = int(DELAYS[j] / dt + 0.5)
@@ -371,41 +364,49 @@ def _is_delayed(accelerometer: Accelerometer, dt: float, ticks: int, k: int) -> 
         if ticks >= delay_ticks:
             earlier = history[(ticks - delay_ticks) % _HISTORY_TICKS, k]
         error = min(1.0, (measured - earlier) ** 2 / variance)
-        increase = undelayed_error - _DELAY_ERROR_WEIGHT * error - _ALLOWANCE
-        if accelerometer.impact_time > 0.0:
-            increase = min(0.0, increase)
+        increase = healthy_error - error - _ALLOWANCE
         total = max(0.0, accelerometer.delay_sums[j, k] + dt * increase)
         accelerometer.delay_sums[j, k] = min(_MAX_DELAY_SUM, total)
         delayed = delayed or total > _DELAY_SUM
     return delayed
 
 
-_LATENCY_STEP = 0.002  # s, between the delays over which the residual is minimised
-
-
 @compiled
-def _least_squared_residual(
-    accelerometer: Accelerometer, ticks: int, dt: float, k: int, measured: float, longest: float
+def _healthy_error(
+    accelerometer: Accelerometer,
+    ticks: int,
+    dt: float,
+    k: int,
+    measured: float,
+    variance: float,
 ) -> float:
-    """Least squared residual of axis k over all delays from 0 to `longest`.
+    """Normalised squared error of axis k if it is healthy, whether the robot is pushed or not.
+
+    A push is a step of the measured acceleration that nothing expects. After the band-pass r, the
+    residual, decays like exp(-t / _SLOW_TIME), so that the innovation r(t) - exp(-dt / _SLOW_TIME)
+    r(t - dt) is 0 again soon. What counts is the smaller of residual and innovation, each squared
+    and over its variance, at the best latency of the torques up to `_MAX_LATENCY`.
 
     Args:
-        accelerometer: Has the expected accelerations.
+        accelerometer: Has the expected accelerations, and the measurement of the sample before.
         ticks: Ticks since the start.
         dt: Time between samples. In s.
         k: Axis.
         measured: Band-passed measurement. In m/s^2.
-        longest: Longest delay. In s.
-
-    Returns:
-        In (m/s^2)^2.
+        variance: Variance of the residual. In (m/s^2)^2.
     """
-    least, delay = math.inf, 0.0
-    while delay < longest + 0.5 * dt:
-        delay_ticks = int(delay / dt + 0.5)
-        if delay_ticks > ticks:
+    history = accelerometer.expected_history
+    decay = math.exp(-dt / _SLOW_TIME)
+    innovation_variance = _INNOVATION_RATIO * (1.0 - decay * decay) * variance
+    least, latency = math.inf, 0.0
+    while latency < _MAX_LATENCY + 0.5 * dt:
+        delay_ticks = int(latency / dt + 0.5)
+        if delay_ticks + 1 > ticks:
             break
-        earlier = accelerometer.expected_history[(ticks - delay_ticks) % _HISTORY_TICKS, k]
-        least = min(least, (measured - earlier) ** 2)
-        delay += _LATENCY_STEP
+        residual = measured - history[(ticks - delay_ticks) % _HISTORY_TICKS, k]
+        before = history[(ticks - delay_ticks - 1) % _HISTORY_TICKS, k]
+        innovation = residual - decay * (accelerometer.last_measured[k] - before)
+        least = min(least, residual * residual / variance)
+        least = min(least, innovation * innovation / innovation_variance)
+        latency += _LATENCY_STEP
     return least

@@ -326,11 +326,10 @@ class SensorMonitor:
       modelled. The IMU's orientation and gyro are such a pair.
     - The accelerometer is delayed if it fits the acceleration of the pelvis 20, 30 or 40 ms ago,
       for longer than it fits the present one. That acceleration comes from forces, torques and the
-      legs' own motion. A push from outside is not among them; it fits neither. After an impact,
-      which fits no delay at all, the legs yield with such a delay; for a while no evidence for a
-      delay is added. Torques may act some milliseconds after they are reported, which is no delay
-      of the accelerometer. In the gantry nothing is compared and no spikes count, as a cable that
-      goes slack and taut looks like them.
+      legs' own motion. A push from outside is not among them; what it leaves of the residual is
+      known, and counts as healthy. Torques may act some milliseconds after they are reported, which
+      is no delay of the accelerometer. In the gantry nothing is compared and no spikes count, as a
+      cable that goes slack and taut looks like them.
 
     A position (or the orientation) is replaced by the integral of its velocity (or the gyro). A
     velocity (or the gyro) is replaced by the difference of its position (or the orientation). The

@@ -248,10 +248,16 @@ _SKIPPED_STEPS = 4  # steps after the beginning of walking that are not used for
 _MAX_FINAL_PHASE = 1.15  # of a step that is used for learning
 _MAX_SPEED_ERROR = 0.15  # m/s, of a step that is used for learning
 _MAX_TILT = 0.15  # rad, torso roll and pitch of a step that is used for learning
-_MAX_LEAD_TICKS = 64  # length of the phase history
+_MAX_LEAD = 0.05  # s, largest `lead`: the time for which phases are kept
 _BALANCE_JOINTS = [
     JOINTS.index(name)
-    for name in ("stance_hip_roll", "stance_hip_pitch", "stance_knee", "swing_hip_roll")
+    for name in (
+        "stance_hip_roll",
+        "stance_hip_pitch",
+        "stance_knee",
+        "stance_toe",
+        "swing_hip_roll",
+    )
 ]
 
 
@@ -272,14 +278,14 @@ class TorqueLearning:
     of the table, each takes its share of the change. gain / (gain + leak) of the repeating error is
     learned.
     Nothing is learned for the stance hip's roll and pitch, the stance knee and the swing hip's
-    roll, since their errors are part of the balance. Only single support is used: in double support
-    the legs press against each other, which no torque removes; there the table is continued from
-    the nearest phase of single support.
+    roll, since their errors are part of the balance, and for the stance toe, which is torque-free.
+    Only single support is used: in double support the legs press against each other, which no
+    torque removes; there the table is continued from the nearest phase of single support.
 
     The torque of the swing hip's pitch has a reaction on the torso. Walking backward, the stance
     hip transmits it to the ground, as for the swing leg's inertia (`control.drives`):
 
-        u_stance -= (1 - contact of the swing foot) sat(-3 s/m speed) u_swing.
+        u_stance -= load (1 - contact of the swing foot) sat(-3 s/m speed) u_swing.
 
     DECISIONS.md has what was measured of both.
 
@@ -311,7 +317,7 @@ class TorqueLearning:
         self._touchdown_jumps = np.zeros(len(JOINTS))
         self._step_is_ordinary = True
         self._period = period
-        self._phase_history = np.zeros(_MAX_LEAD_TICKS)
+        self._phase_history = np.zeros(round(_MAX_LEAD / period) + 1)
         self.configure(config)
         self.begin(zero_torques() if learned is None else learned)
 
@@ -333,7 +339,7 @@ class TorqueLearning:
         self._gains = np.full(len(JOINTS), config.learning.gain)
         self._gains[_BALANCE_JOINTS] = 0.0
         self._limits = TORQUE_LIMITS * config.learning.limit
-        self._lead_ticks = min(_MAX_LEAD_TICKS - 1, round(config.learning.lead / self._period))
+        self._lead_ticks = round(config.learning.lead / self._period)
 
     def start(self) -> None:
         """Begin walking, with no torques added yet."""
@@ -385,10 +391,6 @@ class TorqueLearning:
             self._touchdown_jumps,
             command.torque,
         )
-
-    def learned(self) -> LearnedTorques:
-        """A copy of the present table."""
-        return LearnedTorques(self.speeds.copy(), self.torques.copy())
 
     def _update_weight(self, *, sensor_failed: bool) -> None:
         """Move the weight of all torques, 0..1, with a rate limit."""

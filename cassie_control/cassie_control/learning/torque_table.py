@@ -61,8 +61,8 @@ class LearnedTorques:
         provenance: Where they come from, or None.
 
     Raises:
-        LearnedTorquesError: if shapes do not match, speeds do not rise, or a value is not finite or
-            a torque exceeds its drive's limit.
+        LearnedTorquesError: if shapes do not match, speeds do not rise, or a value is not finite, a
+            torque exceeds its drive's limit, or the stance toe gets torques.
     """
 
     speeds: FloatArray
@@ -83,6 +83,8 @@ class LearnedTorques:
         for before, after in pairwise(speeds.tolist()):
             if not after > before:
                 raise LearnedTorquesError(f"speed {after:g} follows {before:g}, expected to rise")
+        if torques[:, JOINTS.index("stance_toe")].any():
+            raise LearnedTorquesError("stance_toe gets torques, but is torque-free while walking")
         limits = TORQUE_LIMITS
         largest = np.abs(torques).max(axis=(0, 2))
         for joint, value, bound in zip(JOINTS, largest, limits, strict=True):

@@ -52,21 +52,21 @@ def plan_landing_by_paper(
     """
     c, robot, timing, step, commanded = all_gains[0], robots[0], timings[0], steps[0], commands[0]
     stance, gait = timing.stance, step.gait
-    side = 1.0 - 2.0 * stance
-    hip_y, com_y = -side * HIP_Y, robot.com[1]
+    side = 1.0 - 2.0 * (1 - stance)
+    hip_y, com_y = side * HIP_Y, robot.com[1]
     vx, vy = timing.velocity[0], timing.velocity[1]
     vx_0, vy_0 = c.touchdown_velocity[0], c.touchdown_velocity[1]
     pitch = c.paper_kp_x * (vx - commanded.vx) + c.paper_kd_x * (vx - vx_0)
     roll = c.paper_kp_y * (vy - commanded.vy) + c.paper_kd_y * (vy - vy_0)
-    roll += side * c.paper_narrowing * max(0.0, min(1.0, vx))
+    roll -= side * c.paper_narrowing * max(0.0, min(1.0, vx))
     roll += gait[ROLL_SW, AT_END] + commanded.roll_trim
     reach = gait[LENGTH_SW, AT_END] + HIP_DOWN
     uy = hip_y + reach * math.sin(roll) - com_y
     remaining = time_to_planned_touchdown(timing)
     _, y_end, _, _ = predict_com(_pendulum_state(c, robot, timing), remaining)
-    shortfall = c.least_foot_distance + side * (y_end + uy)
+    shortfall = c.least_foot_distance - side * (y_end + uy)
     if shortfall > 0.0:
-        from_hip = com_y + uy - side * shortfall - hip_y
+        from_hip = com_y + uy + side * shortfall - hip_y
         roll = math.asin(max(-_MAX_SIN_ROLL, min(_MAX_SIN_ROLL, from_hip / reach)))
     pitch += gait[PITCH_SW, AT_END] + c.paper_offset + commanded.pitch_trim
     return SwingTarget(pitch, roll, gait[LENGTH_SW, AT_END], remaining, 0.0)
@@ -90,12 +90,12 @@ class PaperPlacement(Placement):
     """The paper's leg-angle adjustment (`plan_landing_by_paper`).
 
     Added to the gait's swing leg angles at touchdown, with v the low-passed pelvis velocity and
-    v_0 the same at the last touchdown:
+    v_0 that at the last touchdown:
 
         pitch: Kp (v_x - command) + Kd (v_x - v_0x) + offset + trim,
-        roll:  Kp (v_y - command) + Kd (v_y - v_0y) + d narrowing sat(v_x, 0, 1) + trim,
+        roll:  Kp (v_y - command) + Kd (v_y - v_0y) - side narrowing sat(v_x, 0, 1) + trim,
 
-    with d = 1 in left stance and -1 in right stance: the swing foot lands further in.
+    with side = 1 if the left leg swings, else -1: the swing foot lands further in.
 
     The defaults are the authors' values, except for the sagittal Kd and the offset, which the
     authors tune by hand for gaits of their own. DECISIONS.md has what the law does with each.

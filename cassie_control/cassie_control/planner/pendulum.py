@@ -20,6 +20,7 @@ from cassie_control.control.robot import (
     MIN_PENDULUM_HEIGHT,
     Robot,
     aim_leg,
+    pendulum_height,
 )
 from cassie_control.planner.momentum import Masses, momentum_velocity
 from cassie_control.planner.placement import Commanded, SwingTarget
@@ -155,7 +156,7 @@ _MIN_REACH = 0.1  # m, from the hip, forward and backward
 _MIN_STEP_TIME = 0.2  # s
 _MIN_SINGLE_SUPPORT = 0.1  # s
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
-_TIME_TOLERANCE = 2e-3  # s, of the touchdown time that is searched: one control period
+_TIME_TOLERANCE = 2e-3  # s, of the touchdown time; the phase's rate follows it within 20 ms
 _TIME_WEIGHT = 0.02  # m^2/s^2, weight of the step time's change against a foot out of reach
 _TOLERATED_COST = 1e-4 * _TIME_WEIGHT  # m^2: a foot out of reach by 1.4 mm keeps the step's time
 
@@ -213,7 +214,7 @@ def touchdown_time(
     if _cost(state, law, reach, planned, 0.0) < _TOLERATED_COST:
         return planned
     # Golden section search: the cost is a squared distance to a box plus a squared delay.
-    low, high = earliest, latest
+    low, high = min(earliest, latest), latest
     left, right = high - _GOLDEN_RATIO * (high - low), low + _GOLDEN_RATIO * (high - low)
     cost_left = _cost(state, law, reach, left, left - planned)
     cost_right = _cost(state, law, reach, right, right - planned)
@@ -355,11 +356,11 @@ def _pendulum_state(
     """Present state of the pendulum; its height is measured from the slope through the foot."""
     stance = timing.stance
     x, y = robot.com[0] - robot.ankle[stance, 0], robot.com[1] - robot.ankle[stance, 1]
-    height = robot.com[2] - robot.ankle[stance, 2]
     # Along a slope the CoM moves in a plane parallel to it, at this height above the foot.
-    plane_height = height - slope.ahead * x - slope.left * y
+    plane_height = robot.com[2] - robot.ankle[stance, 2] - slope.ahead * x - slope.left * y
     plane_height = max(MIN_PENDULUM_HEIGHT, plane_height)
-    scale = max(MIN_PENDULUM_HEIGHT, height) / plane_height
+    # `momentum_velocity` is L / (m height above the foot), here v is that over the plane.
+    scale = pendulum_height(robot, stance) / plane_height
     double_support = max(0.0, gains.double_support - timing.elapsed)
     return PendulumState(
         x,

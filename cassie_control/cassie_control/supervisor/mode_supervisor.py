@@ -31,8 +31,8 @@ _TAKE_OVER_TIME = 1.0  # s for which the torso stays upright after walking
 class ModeSupervisor:
     """Stand, walk, segway, damp or off, from the robot's state and the operator's command.
 
-    - Without power: off. After a fall, or while the controller is lost: damp, until the torso has
-      been upright for `upright_time` (hung up, or set on its feet).
+    - Without power: off. After a fall: damp, until the torso has been upright for `upright_time`
+      (hung up, or set on its feet). While the controller is lost: damp, until it answers again.
     - Stand: whenever the torso is upright. From walking the robot first stops: set-points go to
       zero. Once it has stepped in place for `stop_time`, the controller begins to stand at one of
       the next touchdowns.

@@ -20,7 +20,7 @@ class Request:
     vx: float = tunable(0.0, "m/s", -1.3, 4.5, "Speed forward; beyond 2.4 on a Segway")
     vy: float = tunable(0.0, "m/s", -0.4, 0.4, "Speed to the left")
     yaw_rate: float = tunable(0.0, "rad/s", -1.2, 1.2, "Turn to the left")
-    height: float = tunable(0.9, "m", 0.35, 1.05, "Pelvis origin above the mean of the soles")
+    height: float = tunable(0.9, "m", 0.35, 1.05, "Pelvis origin above the loaded soles")
     com_x: float = tunable(0.0, "m", -0.1, 0.1, "Shift of the centre of mass forward")
     com_y: float = tunable(0.0, "m", -0.1, 0.1, "Shift of the centre of mass to the left")
     roll: float = tunable(0.0, "rad", -0.3, 0.3, "Torso roll")
