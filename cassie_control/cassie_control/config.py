@@ -442,6 +442,13 @@ class WalkConfig:
         """Whether walking follows the paper alone; all additions to it are left out."""
         return self.law == "paper"
 
+    def in_force(self) -> WalkConfig:
+        """The parameters that count: under the paper's law those of its omissions are 0."""
+        if not self.as_in_paper:
+            return self
+        left_out = "clearance", "bounce_damping", "thigh_angle", "thigh_rate", "slope_time"
+        return replace(self, **dict.fromkeys(left_out, 0.0))
+
 
 @dataclass(frozen=True, kw_only=True)
 class LearningConfig:

@@ -82,7 +82,16 @@ def _thigh_motion(robot: Robot, i: int, axis: int) -> tuple[float, float]:
 
 @compiled
 def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
-    """Update the tracks of both legs; a new track begins with the measured motion."""
+    """Update the tracks of both legs; a new track begins with the measured motion.
+
+    Args:
+        gain: Constants of the law.
+        robot: The robot now.
+        step: Its tracks are changed in place.
+
+    Source:
+        Critically damped alpha-beta filter with the equations above.
+    """
     w, dt = 2.0 * math.pi * gain.thigh_track, gain.period
     for i in range(2):
         for axis in range(2):
@@ -98,7 +107,18 @@ def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
 
 @compiled
 def filtered_hip(gain: Gains, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
-    """Hip roll or pitch (`axis`) of leg `i`, with the track's share. In rad and rad/s."""
+    """Hip angle and rate in which a share of the measured motion is that of the track.
+
+    Args:
+        gain: Constants of the law.
+        robot: The robot now.
+        i: Number of the leg.
+        axis: `ROLL_AXIS` or `PITCH_AXIS`.
+        step: Has the tracks.
+
+    Returns:
+        q_f and q_f' of the equations above. In rad and rad/s.
+    """
     angle, rate = _thigh_motion(robot, i, axis)
     joint = HIP_ROLL if axis == ROLL_AXIS else HIP_PITCH
     return (
@@ -122,7 +142,6 @@ _B = (0.5699, -0.0817, -0.1565, -0.0302)
 _C = (0.4899, -0.0042, -0.0024, -0.0004)
 _R = (1.3723, -0.1943, -0.4381, -0.0809)
 
-_MAX_SWING_LAG = 0.03  # m, of a shortening leg's measured length behind the commanded one
 _MIN_LENGTH, _MAX_LENGTH = 0.4, 0.97  # m, range of the commanded leg length
 _MIN_SWING_LENGTH = 0.45  # m, shortest leg for the inertia
 
@@ -137,6 +156,16 @@ def drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCo
 
     for roll with the opposite sign of both torso terms. An unloaded stance leg thus holds its
     joints until it carries the torso. The toe gives no torque.
+
+    Args:
+        gain: Constants of the law.
+        robot: The robot now.
+        i: Number of the leg.
+        step: The step, with the desired outputs.
+        command: Gains and set-points of the leg are changed in place.
+
+    Source:
+        eq:IK, eq:hdtilde.
     """
     q, v, load, base = robot.joints[i], robot.rates[i], robot.load[i], LEG_DRIVE_COUNT * i
     hip_roll, roll_rate = filtered_hip(gain, robot, i, ROLL_AXIS, step)
@@ -169,9 +198,8 @@ def drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCom
     As far as the foot still carries weight, its hip regulates the torso, as the stance hip does: a
     leg that swings against the ground would tip the torso over.
 
-    The commanded leg length leads the measured one by at most `_MAX_SWING_LAG` while the leg
-    shortens, not so under the paper's law: a foot that is held back, as by the edge of a riser,
-    must not load the springs.
+    The commanded leg length leads the measured one by at most `Gains.max_swing_lag` while the leg
+    shortens: a foot that is held back, as by the edge of a riser, must not load the springs.
 
     With F the foot's force, the drive laws of the hip's roll and pitch are blended, without the
     feed-forward torque:
@@ -179,12 +207,20 @@ def drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCom
         u = (1 - sat((F - 30 N) / 100 N)) u_swing + load / max(1, sum of loads) u_stance,
 
     with u_stance that of a stance hip at full load.
+
+    Args:
+        gain: Constants of the law.
+        robot: The robot now.
+        i: Number of the leg.
+        step: The step, with the desired outputs.
+        command: Gains and set-points of the leg are changed in place.
+
+    Source:
+        eq:IK.
     """
     q, v, base = robot.joints[i], robot.rates[i], LEG_DRIVE_COUNT * i
     desired, rates = step.desired, step.desired_rates
-    length = desired[LENGTH_SW]
-    if not gain.as_in_paper:
-        length = max(length, virtual_leg.length(q[KNEE]) - _MAX_SWING_LAG)
+    length = max(desired[LENGTH_SW], virtual_leg.length(q[KNEE]) - gain.max_swing_lag)
     knee, knee_rate = _knee_motion(length, rates[LENGTH_SW])
     hip_pitch = desired[PITCH_SW] + robot.pitch + virtual_leg.lean(knee) - virtual_leg.HIP_OFFSET
     command.position[base + HIP_ROLL] = desired[ROLL_SW] - robot.roll
@@ -250,10 +286,16 @@ def _knee_motion(length: float, length_rate: float) -> tuple[float, float]:
 def add_swing_inertia(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Add the torques that accelerate the swing leg, as far as it is off the ground.
 
-    The stance hip transmits their reaction on the torso to the ground. Under the paper's law the
-    torques are 0.
+    The stance hip transmits their reaction on the torso to the ground.
+
+    Args:
+        gain: Constants of the law.
+        robot: The robot now.
+        i: Number of the swing leg.
+        step: The step, with the rates and accelerations of the desired outputs.
+        command: Torques are added.
     """
-    weight = 0.0 if gain.as_in_paper else 1.0 - robot.load[i]
+    weight = gain.swing_inertia * (1.0 - robot.load[i])
     length = min(MAX_LEG_LENGTH, max(_MIN_SWING_LENGTH, step.desired[LENGTH_SW]))
     v, a = step.desired_rates, step.accelerations
     roll, pitch, knee = inertia_torques(

@@ -85,6 +85,10 @@ def damped_weight(gain: Gains, robot: Robot, slope: GroundSlope) -> float:
 
     The knees' own damping has to be small (`config.JointGains`), so that the body would bounce on
     the legs. D is the latency of late drives, else 0: D a predicts the speed at that time.
+
+    Args:
+        gain: Constants of the law.
+        robot, slope: The robot and the ground now.
     """
     rise = slope.ahead * robot.com_velocity[0] + slope.left * robot.com_velocity[1]
     acceleration = (robot.force[0] + robot.force[1]) / _MASS - model.GRAVITY
@@ -99,12 +103,21 @@ def carried_share(gain: Gains, robot: Robot, timing: StepTiming, i: int) -> floa
 
     By the feet's forces F_i less 50 N, which is f_i: f_i / max(W / 2, f_0 + f_1). With late drives
     the phase gives the share. The paper's law uses load_i / max(1, load_0 + load_1).
+
+    Args:
+        gain: Constants of the law.
+        robot: The robot now.
+        timing: Phase, at its rate before leg-angle adjustment.
+        i: Number of the leg.
+
+    Returns:
+        0..1.
     """
     share: float
     if gain.latency > 0.0:
         share = _predicted_stance_share(gain, timing)
         return share if i == timing.stance else 1.0 - share
-    if gain.as_in_paper:
+    if not gain.share_by_force:
         return load_share(robot, i)
     force = max(0.0, robot.force[i] - _FORCE_DEAD_BAND)
     other = max(0.0, robot.force[1 - i] - _FORCE_DEAD_BAND)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from cassie_control.config import WalkConfig
 from cassie_gaits.names import LEG_DRIVES
 from cassie_gaits.records import FloatArray, Record, array, whole
@@ -10,18 +12,32 @@ from cassie_gaits.records import FloatArray, Record, array, whole
 class Gains(Record):
     """Gains of the walking law.
 
-    Attributes with the name of a field of `config.WalkConfig` come from that field. Those of
-    `_ZERO_IN_PAPER` are 0 under the paper's law, whose other differences are branches on
-    `as_in_paper`.
+    Attributes with the name of a field of `config.WalkConfig` come from `WalkConfig.in_force`. With
+    it, the first seven tell the laws apart: additions to the paper's law are 1, and 0 under it.
 
     Attributes:
-        as_in_paper: 1 under the paper's law, 0 with this project's additions to it.
+        pendulum_placement: Whether `planner.pendulum` places the feet, else `planner.paper`.
+        keeps_lengths: Whether a step begins with the last desired leg lengths, else the measured.
+        least_acceleration: Whether the swing leg's middle coefficients minimise its acceleration.
+        level_hip: Weight of the level hip path.
+        swing_inertia: Weight of the torques that accelerate the swing leg.
+        share_by_force: Whether the feet's forces give the legs' shares of the weight, else the
+            loads.
+        max_swing_lag: Bound of a shortening leg's measured length behind the commanded one; without
+            bound under the paper's law. In m.
         period: Control period. In s.
         latency: Latency of the drives that is compensated. In s.
         handover: Time in which the weight shifts from leg to leg if there is a latency. In s.
         kp, kd: Gains of hip_roll, hip_yaw, hip_pitch, knee and toe. In Nm/rad and Nms/rad.
     """
 
+    pendulum_placement: int = whole()
+    keeps_lengths: int = whole()
+    least_acceleration: int = whole()
+    level_hip: float
+    swing_inertia: float
+    share_by_force: int = whole()
+    max_swing_lag: float
     kp_torso_roll: float
     kd_torso_roll: float
     kp_torso_pitch: float
@@ -33,7 +49,6 @@ class Gains(Record):
     bounce_damping: float
     heading_gain: float
     yaw_limit: float
-    as_in_paper: int = whole()
     thigh_track: float
     thigh_angle: float
     thigh_rate: float
@@ -44,24 +59,31 @@ class Gains(Record):
     kd: FloatArray = array(5)
 
 
-_ZERO_IN_PAPER = ("clearance", "bounce_damping", "thigh_angle", "thigh_rate")
+_MAX_SWING_LAG = 0.03  # m
 
 
 def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
-    """Gains of the walking law, from a configuration and the control period (s).
+    """Gains of the walking law.
 
-    Under the paper's law, the additions of `_ZERO_IN_PAPER` are 0, and drives that act late change
-    no gain. Else, with a growing latency of the drives (`latency`, in s), the gains become those
-    for late drives: the hips' set-points use the low-passed thighs alone.
+    As the latency grows, the gains become those for late drives: the hips' set-points use the
+    low-passed thighs alone. Under the paper's law drives that act late change no gain.
+
+    Args:
+        config: Parameters of walking.
+        period: Control period. In s.
+        latency: Latency found in the drives. In s.
     """
     result = Gains()
-    result.take(config)
+    result.take(config.in_force())
     result.kp[:] = [getattr(config.joints, f"kp_{name}") for name in LEG_DRIVES]
     result.kd[:] = [getattr(config.joints, f"kd_{name}") for name in LEG_DRIVES]
     if config.as_in_paper:
-        for name in _ZERO_IN_PAPER:
-            setattr(result, name, 0.0)
+        result.max_swing_lag = math.inf
     else:
+        result.pendulum_placement = result.keeps_lengths = 1
+        result.least_acceleration = result.share_by_force = 1
+        result.level_hip = result.swing_inertia = 1.0
+        result.max_swing_lag = _MAX_SWING_LAG
         _set_late_gains(result, config, latency)
     result.period = period
     return result

@@ -9,7 +9,7 @@ from cassie_control.control.balance import Balance
 from cassie_control.control.latency import CommandLatency
 from cassie_control.control.limits import limit
 from cassie_control.control.outputs import Step
-from cassie_control.control.payload import Payload
+from cassie_control.control.payload import Payload, lifting_force
 from cassie_control.control.recovery import (
     RecoveryStep,
     ShorteningLimit,
@@ -298,7 +298,9 @@ class GaitController:
         if self.activity is not Activity.WALKING:
             payload.reset()
             return None
-        payload.step(float(state.foot_force.sum()), int(self.walking.timing.steps))
+        readings = self.readings
+        force = lifting_force(readings.records, readings.pair, state.drive_torque)
+        payload.step(force, int(self.walking.timing.steps))
         if int(state.seq) % GAIT_TICKS:
             return None
         request = self._request

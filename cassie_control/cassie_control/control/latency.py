@@ -135,7 +135,13 @@ def _residual(
 
 @compiled
 def store_command(sent: RecordArray, commands: RecordArray, searches: Records[Search]) -> None:
-    """Store a command, `MotorCommand.record`, in the ring."""
+    """Store a command in the ring.
+
+    Args:
+        sent: `MotorCommand.record`. Shape (1,).
+        commands: The ring; changed in place.
+        searches: Place of the newest command; changed in place. Shape (1,).
+    """
     search = searches[0]
     search.newest = (search.newest + 1) % commands.shape[0]
     commands[search.newest] = sent[0]

@@ -69,6 +69,11 @@ class Step(Record):
 def measure(robots: Records[Robot], stance: int, steps: Records[Step]) -> None:
     """Update `Step.measured` and `Step.measured_rates`: the outputs h_0 and their rates.
 
+    Args:
+        robots: The robot now. Shape (1,).
+        stance: Number of the stance leg.
+        steps: The step; changed in place. Shape (1,).
+
     Source:
         eq:h0 and eq:AbsoluteQuantities (README of cassie_gaits, Errata).
     """
@@ -207,7 +212,7 @@ def _start_gait(
     # These two have the weight 10 s^2 (1 - s)^2: 5/8 in the middle of a step, 0 at its ends.
     for k in (2, 3):
         gait[LENGTH_SW, k] -= 1.6 * clearance
-    if not gain.as_in_paper:
+    if gain.least_acceleration:
         for i in (ROLL_SW, PITCH_SW):
             for k in range(2):
                 a, b = LEAST_ACCELERATION[k, 0], LEAST_ACCELERATION[k, 1]
@@ -238,8 +243,7 @@ def adjust_outputs(
     gait, rate = step.gait, timing.rate
     phase = min(1.0, timing.phase)
     contact_pitch, contact_roll = _contact_angles(step, target.contact_lead, rate)
-    if not gain.as_in_paper:
-        _level_hip_path(gain, robot, timing, slope, phase, step)
+    _level_hip_path(gain, robot, timing, slope, phase, step)
     _add_correction(step, PITCH_SW, target.pitch - contact_pitch, phase, rate)
     _add_correction(step, ROLL_SW, target.roll - contact_roll, phase, rate)
     _add_correction(step, LENGTH_SW, target.length - gait[LENGTH_SW, AT_END], phase, rate)
@@ -316,7 +320,7 @@ def _level_hip_path(
     Walking).
     """
     backward = backward_share(timing.velocity[0])
-    weight = fade(phase) * (1.0 + backward * (gain.level_back - 1.0))
+    weight = gain.level_hip * fade(phase) * (1.0 + backward * (gain.level_back - 1.0))
     hip_height = step.gait[LENGTH_SW, AT_END] * math.cos(step.gait[PITCH_SW, AT_END])
     i = timing.stance
     hip_x = hip_pitch_ahead(robot) - robot.ankle[i, 0]

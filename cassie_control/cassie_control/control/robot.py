@@ -12,7 +12,7 @@ import numpy as np
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair, place_legs
 from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
-from cassie_gaits.robot import FOOT_CONTACTS, LEFT_LEG, SOLE_RADIUS
+from cassie_gaits.robot import FOOT_CONTACTS, LEFT_LEG, NEUTRAL_TARSUS, SOLE_RADIUS
 from cassie_gaits.vectors import Vector, turned
 from cassie_msgs.layout import RobotState
 
@@ -63,6 +63,10 @@ def aim_leg(
 
     Returns:
         Roll and pitch in rad, as the outputs of eq:h0, and length in m.
+
+    Source:
+        Inverse of eq:AbsoluteQuantities with the hip yaw between roll and pitch: the leg lies in a
+        plane that the yaw turns about the pelvis's vertical axis.
     """
     c, s = math.cos(torso_pitch), math.sin(torso_pitch)
     forward, low = x * c + down * s + HIP_BACK, down * c - x * s  # pelvis frame, from the yaw axis
@@ -316,3 +320,12 @@ class Readings:
     def time(self) -> float:
         """Stamp of the state, robot time. In s."""
         return self.state.stamp_ns * 1e-9
+
+
+def nominal_readings() -> Readings:
+    """Readings of a robot that stands, for the first call of compiled functions."""
+    state, readings = RobotState(), Readings()
+    state.q[2] = state.com_position[2] = 0.9
+    state.q[6:] = (0.0, 0.0, 0.5, -1.2, 0.0, NEUTRAL_TARSUS + 1.2, -1.6) * 2
+    readings.update(state)
+    return readings

@@ -43,6 +43,10 @@ def approach(
         max_rate, acceleration: Bounds of rate and acceleration.
         period: Control period. In s.
         braking: Bound of the deceleration, if it differs from `acceleration`.
+
+    Returns:
+        Value and rate one period later. Without the last tick's rounding this is the time-optimal
+        motion with bounded acceleration from rest.
     """
     distance, speed_up = target - value, acceleration * period
     slow_down = speed_up if braking is None else braking * period

@@ -130,7 +130,13 @@ class VehicleSpeedFilter:
         self._var_n += dt * walk_n
 
     def correct_by_lean(self, acceleration: float, com_x: float, height: float) -> None:
-        """Correct by the vehicle's acceleration (m/s^2) at a CoM x from the feet and height (m)."""
+        """Correct by the vehicle's acceleration, which a lean causes.
+
+        Args:
+            acceleration: Acceleration of the vehicle. In m/s^2.
+            com_x: CoM ahead of the feet. In m.
+            height: CoM above the feet. In m.
+        """
         k = _COM_FROM_COP * GRAVITY / height
         square = self.speed**2
         if square == 0.0:

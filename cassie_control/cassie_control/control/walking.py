@@ -23,7 +23,7 @@ from cassie_control.control.outputs import (
     evaluate_gait,
     measure,
 )
-from cassie_control.control.robot import Readings, Robot
+from cassie_control.control.robot import Readings, Robot, nominal_readings
 from cassie_control.planner.footstep import PendulumPlacement
 from cassie_control.planner.hold import PositionHold
 from cassie_control.planner.momentum import Masses
@@ -49,15 +49,17 @@ from cassie_control.planner.timing import (
     advance,
     end_step,
 )
-from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary, gait_in_stance
 from cassie_gaits.leg import LegPair
 from cassie_gaits.records import FloatArray, IntArray, RecordArray, Records
-from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand, RobotState
+from cassie_msgs.layout import Gait, GaitResult, Mode, MotorCommand
+from cassie_msgs.schedule import GAIT_TICKS
 
 _MAX_HEADING_LEAD = 0.5  # rad, saturation of the desired heading's lead over the robot's
+_KEPT_SHIFT = 0.5  # of the library's shift at each touchdown without a gait that was found
+_NO_SHIFT = 1e-3  # largest change of a coefficient below which the library is not shifted
 
 
 @compiled
@@ -127,7 +129,7 @@ def compute_set_points(
         modes: `Mode.record`. Shape (1,).
         all_commanded: Commands for the steps. Shape (1,).
         pendulums, papers: Gains of leg-angle adjustment, of this project's law and of the paper's;
-            `Gains.as_in_paper` says which counts. Shape (1,).
+            `Gains.pendulum_placement` says which counts. Shape (1,).
         all_masses: Masses of the robot. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
         timings, slopes, steps: Changed in place. Shape (1,).
@@ -139,10 +141,10 @@ def compute_set_points(
     update_in_stance(slopes, robots, stance, timing.phase)
     evaluate_gait(gains, robots, timings, slopes, axes, lengths, rows, mode.yaw_rate, steps)
     carry_weight(gain, robot, pairs, timing, slope, command)
-    if gain.as_in_paper:
-        target = plan_landing_by_paper(papers, robots, timings, steps, all_commanded)
-    else:
+    if gain.pendulum_placement:
         target = plan_landing(pendulums, robots, all_masses, timings, slopes, steps, all_commanded)
+    else:
+        target = plan_landing_by_paper(papers, robots, timings, steps, all_commanded)
     adapt_phase_rate(timing, target.remaining)
     adjust_outputs(gain, robot, mode, timing, slope, target, step)
     track_thighs(gain, robot, step)
@@ -172,6 +174,8 @@ class WalkingController:
     A gait that is made while the robot walks (`offer`) shifts the whole library from a touchdown
     on. The shift is the gait's difference to the library's gait of the same speeds. So the gait
     still depends on the measured velocity. The slope of the swing foot is this controller's own.
+    Where no gait was found, or none has come for two requests, the shift fades from touchdown to
+    touchdown: beyond the library's speeds it is large.
 
     Attributes:
         timing: Phase, stance leg and velocities.
@@ -194,6 +198,7 @@ class WalkingController:
         self._position_hold = PositionHold(period)
         self._slope = GroundSlope(config, period)
         self._offered_gait, self._gait_is_offered = Gait(), False
+        self._ticks_without_offer = 0
         self._shifted_rows = np.zeros_like(library.table[2])
         self._row_shift = np.zeros(self._shifted_rows.shape[1])
         self._step_shifts = [gait_in_stance(self._row_shift, leg) for leg in (LEFT, RIGHT)]
@@ -207,7 +212,7 @@ class WalkingController:
 
     def configure(self, config: WalkConfig) -> None:
         """Use new gains; walking goes on, and so does the observer unless the law changes."""
-        if config.as_in_paper != self.config.as_in_paper:
+        if config.law != self.config.law:
             self._pendulum.reset()
             self._paper.reset()
         for part in (self.timing, self._slope):
@@ -223,17 +228,14 @@ class WalkingController:
     @property
     def _placement(self) -> Placement:
         """The law of leg-angle adjustment that the configuration names."""
-        return self._paper if self.config.as_in_paper else self._pendulum
+        return self._pendulum if self._gains.pendulum_placement else self._paper
 
     def _compile_kernels(self) -> None:
         """Walk for one tick, so that compiled functions are loaded or compiled.
 
         The robot must not wait for that when it begins to walk.
         """
-        state, readings = RobotState(), Readings()
-        state.q[2] = state.com_position[2] = 0.9
-        state.q[6:] = (0.0, 0.0, 0.5, -1.2, 0.0, robot.NEUTRAL_TARSUS + 1.2, -1.6) * 2
-        readings.update(state)
+        readings = nominal_readings()
         self.start(readings, LEFT)
         self.step(readings, Mode(), MotorCommand())
         self._end_step(readings)
@@ -252,6 +254,7 @@ class WalkingController:
         self._slope.start()
         initialize_slope(self._slope.records, readings.records)
         self._gaits, self._gait_is_offered = self.library.table, False
+        self._row_shift[:] = 0.0
         self.plan.heading, self.plan.mean_vy, self.plan.thigh_tracking = readings.yaw, 0.0, 0.0
         self._placement.reset()
         begin_step(readings.records, stance, False, self.plan.records)
@@ -265,10 +268,16 @@ class WalkingController:
     def step(self, readings: Readings, mode: Mode, command: MotorCommand) -> bool:
         """Fill in the set-points.
 
+        Args:
+            readings: The robot now.
+            mode: Commanded velocities, torso angles and trims.
+            command: Result.
+
         Returns:
             Whether a step ended at this tick.
         """
         commanded, timings, steps = self._commanded, self.timing.records, self.plan.records
+        self._ticks_without_offer += 1
         ended = advance_step(readings.records, mode.record, timings, steps, commanded.records)
         if commanded.vx == commanded.vy == commanded.turn_rate == 0.0:
             hold = self._position_hold.velocity(self.config, readings)
@@ -300,9 +309,8 @@ class WalkingController:
         mean_velocity = end_step(timing.records)
         step.mean_vy = mean_velocity[1]
         self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
-        keeps_lengths = not self.config.as_in_paper
-        if self._gait_is_offered:
-            self._shift_library()
+        keeps_lengths = bool(self._gains.keeps_lengths)
+        self._shift_library()
         begin_step(readings.records, timing.stance, keeps_lengths, step.records)
         update_at_touchdown(self._slope.records, readings.records, timing.stance)
 
@@ -312,26 +320,33 @@ class WalkingController:
         return math.atan(float(self._slope.ahead))
 
     def offer(self, gait: Gait) -> None:
-        """Use a gait from the next touchdown on; the library alone if no gait was found."""
+        """Use a gait from the next touchdown on; less of the last one if no gait was found."""
         self._offered_gait.copy_from(gait)
         self._gait_is_offered = True
+        self._ticks_without_offer = 0
 
     def _shift_library(self) -> None:
-        """Shift the library to the gait that was offered."""
+        """Shift the library to the gait that was offered, or back where there is none."""
         gait, change = self._offered_gait, self._row_shift
-        self._gait_is_offered = False
         axes, lengths, rows = self.library.table
-        if int(gait.result) != GaitResult.FOUND:
+        offered, self._gait_is_offered = self._gait_is_offered, False
+        found = int(gait.result) == GaitResult.FOUND
+        if offered and found:
+            vx, vy, yaw_rate = float(gait.vx), float(gait.vy), float(gait.yaw_rate)
+            read_row(axes, lengths, rows, vx, vy, yaw_rate, change)
+            np.negative(change, out=change)
+            change[-1] += 1.0 / float(gait.step_time)
+            steps = gait.left_stance, gait.right_stance
+            for shift, coefficients in zip(self._step_shifts, steps, strict=True):
+                shift += coefficients.reshape(shift.shape)
+                shift[FOOT_SW] -= float(gait.slope)
+        elif found and self._ticks_without_offer <= 2 * GAIT_TICKS:
+            return
+        elif np.abs(change).max() < _NO_SHIFT:
             self._gaits = self.library.table
             return
-        vx, vy, yaw_rate = float(gait.vx), float(gait.vy), float(gait.yaw_rate)
-        read_row(axes, lengths, rows, vx, vy, yaw_rate, change)
-        np.negative(change, out=change)
-        change[-1] += 1.0 / float(gait.step_time)
-        steps = gait.left_stance, gait.right_stance
-        for shift, coefficients in zip(self._step_shifts, steps, strict=True):
-            shift += coefficients.reshape(shift.shape)
-            shift[FOOT_SW] -= float(gait.slope)
+        else:
+            change *= _KEPT_SHIFT
         np.add(rows, change, out=self._shifted_rows)
         self._gaits = axes, lengths, self._shifted_rows
 

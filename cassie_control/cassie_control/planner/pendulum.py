@@ -100,7 +100,16 @@ class Foothold(NamedTuple):
 
 @compiled
 def foothold(law: FootholdLaw, reach: Reach, touchdown: ComState) -> Foothold:
-    """Foothold for a CoM's state at touchdown, kept within reach."""
+    """Foothold for a CoM's state at touchdown, kept within reach.
+
+    Args:
+        law: Coefficients of the law for the commanded velocity.
+        reach: Where the foot can be set down.
+        touchdown: State of the CoM at the swing foot's first contact.
+
+    Source:
+        Equations of `footstep.PendulumPlacement`.
+    """
     _, y, vx, vy = touchdown
     side = reach.side
     law_x = law.ux + _map_gain(law.gain_x, law.loss_x, vx) * (vx - law.vx)
@@ -180,7 +189,11 @@ class PendulumState(NamedTuple):
 
 @compiled
 def predict_com(state: PendulumState, remaining: float) -> ComState:
-    """State of the CoM after a time (s)."""
+    """State of the CoM after a time (s): it coasts in double support, and then falls.
+
+    Source:
+        Linear inverted pendulum: Kajita et al., ICRA 2001.
+    """
     x, y, vx, vy, w, double_support = state
     double_support = min(double_support, remaining)
     single_support = remaining - double_support

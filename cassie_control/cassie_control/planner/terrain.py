@@ -114,8 +114,8 @@ class GroundSlope(Record):
 
     def configure(self, config: WalkConfig) -> None:
         """Use new parameters; the estimate stays. For the paper's law the ground is level."""
-        self.slope_time = 0.0 if config.as_in_paper else config.slope_time
-        self.take(config, "slope_rise_time", "slope_share", "foothold_share")
+        names = "slope_time", "slope_rise_time", "slope_share", "foothold_share"
+        self.take(config.in_force(), *names)
 
     def start(self) -> None:
         """Begin with level, firm ground."""
@@ -139,7 +139,14 @@ def initialize_slope(slopes: Records[GroundSlope], robots: Records[Robot]) -> No
 def update_in_stance(
     slopes: Records[GroundSlope], robots: Records[Robot], stance: int, phase: float
 ) -> None:
-    """Update the slope with one tick of the stance foot's pitch."""
+    """Update the slope with one tick of the stance foot's pitch.
+
+    Args:
+        slopes: Changed in place. Shape (1,).
+        robots: The robot now. Shape (1,).
+        stance: Number of the stance leg.
+        phase: Phase of the step, in which the foot lies flat from `_FLAT_PHASE` on.
+    """
     slope, robot = slopes[0], robots[0]
     if slope.slope_time <= 0.0:
         return
@@ -181,7 +188,13 @@ def _regression_coefficient(slope: GroundSlope) -> float:
 
 @compiled
 def update_at_touchdown(slopes: Records[GroundSlope], robots: Records[Robot], new: int) -> None:
-    """Update the slope at the touchdown of a leg, with both feet on the ground."""
+    """Update the slope at a touchdown, with both feet on the ground.
+
+    Args:
+        slopes: Changed in place. Shape (1,).
+        robots: The robot now. Shape (1,).
+        new: Number of the leg that touches down.
+    """
     slope, robot = slopes[0], robots[0]
     if slope.slope_time <= 0.0:
         return
