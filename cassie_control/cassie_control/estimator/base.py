@@ -30,7 +30,7 @@ class Body(Record):
         toe_torques: Torques of the toes in the last sample. In Nm.
         attitude: IMU to world, as measured by the IMU in the last sample.
         imu_to_soles: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
-        stance_share: Low-passed share of time in which the feet carried the robot.
+        stance_share: Low-passed fraction of time in which the feet carried the robot.
         force_scale: Factor on the forces of the legs' springs.
         force_scale_time: Time constant of `force_scale`; it grows after the start. In s.
     """
@@ -153,8 +153,8 @@ def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: 
 
 _STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
 _STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
-_FIRST_SCALE_TIME = 0.4  # s, of `Body.force_scale_time`: a step, over which the error averages out
-_LAST_SCALE_TIME = 6.0  # s, of the same
+# `Body.force_scale_time` grows from the duration of a step, over which the error averages out.
+_FIRST_SCALE_TIME, _LAST_SCALE_TIME = 0.4, 6.0  # s
 # Springs within 20 % and a mass within 10 % of the nominal ones give 0.9 / 1.2 to 1.1 / 0.8.
 _MIN_SCALE, _MAX_SCALE = 0.7, 1.4
 
@@ -200,7 +200,9 @@ _MAX_LOG_ODDS = 50.0  # against contact, so that the exponential does not overfl
 def _update_foot_loads(body: Body, state: RobotState) -> None:
     """Load and probability of contact of each foot, from its force F.
 
-    The load rises from 0 to 1 between two forces. The probability is 1 / (1 + exp((F_0 - F) / w)).
+    The load says how far the foot is loaded: 0 up to `load_from`, 1 from `load_from` + `load_span`
+    on, linear between. The probability is 1 / (1 + exp((F_0 - F) / w)), with `contact_force` F_0
+    and `contact_width` w.
     """
     for i in range(2):
         force = state.foot_force[i]

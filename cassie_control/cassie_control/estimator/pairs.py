@@ -637,7 +637,7 @@ def _substitute_velocity(
 
 _FROZEN_TICKS = 15  # without a change, after which a noisy signal counts as frozen
 _POSITION_TOLERANCE = 0.02  # rad, error from which a position stays rejected
-_FROZEN_POSITION_TOLERANCE = 0.002  # rad, the same for a position that does not change
+_FROZEN_POSITION_TOLERANCE = 0.002  # rad, error from which a frozen position stays rejected
 
 
 @compiled
@@ -690,7 +690,7 @@ JOINT_FILTER_DELAY = 0.0045
 _LIMITS = {
     "still_speed": ([1.0] * 5, [1.0] * 3, 0.1),  # legs swing when it hangs
     "residual": ([0.004, 0.004, 0.006, 0.008, 0.008], [0.008, 0.008, 0.01], 0.005),
-    # That of the joints holds also where no filter delays the velocity.
+    # The joints' threshold also holds for a velocity that no filter delays.
     "residual_by_speed": ([0.001] * 5, [JOINT_FILTER_DELAY] * 3, 0.002),
     "spike": ([0.5, 0.5, 0.6, 1.2, 5.5], [0.9, 0.9, 1.5], 0.25),
     "evidence": ([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], [4e-7, 8e-7, 5e-7], 1e-6),
