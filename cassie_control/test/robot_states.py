@@ -152,7 +152,7 @@ def put(readings: Readings, **figures: tuple[float, ...]) -> None:
         readings.records[0][name] = values
 
 
-def put_ankle(readings: Readings, leg: int, ankle: tuple[float, float, float]) -> None:
+def put_toe_joint(readings: Readings, leg: int, toe_joint: tuple[float, float, float]) -> None:
     """The same for the place of a leg's toe joint. In m."""
-    readings.legs[leg].ankle = ankle
-    readings.records[0]["ankle"][leg] = ankle
+    readings.legs[leg].toe_joint = toe_joint
+    readings.records[0]["toe_joint"][leg] = toe_joint

@@ -60,8 +60,8 @@ class LegState(Record):
         foot: Middle of the sole's centre line. In m.
         foot_velocity: Velocity of `foot` relative to the pelvis. In m/s.
         foot_rotation: Rotation from toe link to pelvis.
-        ankle: Position of the toe joint. In m.
-        ankle_jacobian: Jacobian of the toe joint's position with respect to the joints. In m/rad.
+        toe_joint: Position of the toe joint. In m.
+        toe_jacobian: Jacobian of the toe joint's position with respect to the joints. In m/rad.
         com_moment: Sum of mass times position over the leg's links. In kg m.
         com_rate: Rate of change of `com_moment` relative to the pelvis. In kg m/s.
         springs: Deflection of shin and heel spring. The heel's is 0 where the achilles rod does not
@@ -76,8 +76,8 @@ class LegState(Record):
     foot: FloatArray = array(3)
     foot_velocity: FloatArray = array(3)
     foot_rotation: FloatArray = array(3, 3)
-    ankle: FloatArray = array(3)
-    ankle_jacobian: FloatArray = array(3, 7)
+    toe_joint: FloatArray = array(3)
+    toe_jacobian: FloatArray = array(3, 7)
     com_moment: FloatArray = array(3)
     com_rate: FloatArray = array(3)
     springs: FloatArray = array(2)
@@ -176,13 +176,13 @@ def leg_kinematics(
 @compiled
 def _place_foot(motion: Motion, leg: Leg, state: LegState) -> None:
     axes, origin, _, _ = motion
-    _store(origin, state.ankle)
+    _store(origin, state.toe_joint)
     _store(plus(origin, into(axes, leg.sole)), state.foot)
     for k in range(3):
         _store(axes[k], state.foot_rotation[:, k])
     for i in range(7):
         arm = minus(origin, state.origins[i])
-        _store(cross(state.axes[i], arm), state.ankle_jacobian[:, i])
+        _store(cross(state.axes[i], arm), state.toe_jacobian[:, i])
 
 
 @compiled
@@ -241,7 +241,7 @@ def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -
     shin += toe_torque + robot.GRAVITY * dot(up, state.lower_leg[0])
     tarsus = heel * state.heel_gradient[1] + toe_torque
     tarsus += robot.GRAVITY * dot(up, state.lower_leg[1])
-    by_shin, by_tarsus = state.ankle_jacobian[:, 4], state.ankle_jacobian[:, 5]
+    by_shin, by_tarsus = state.toe_jacobian[:, 4], state.toe_jacobian[:, 5]
     aa, ab = dot(by_shin, by_shin), dot(by_shin, by_tarsus)
     bb = dot(by_tarsus, by_tarsus)
     determinant = aa * bb - ab * ab
@@ -281,7 +281,8 @@ def place_legs(joints: FloatArray, pair: LegPair) -> None:
 
     Args:
         joints: Joint angles. Shape (2, 7), in rad.
-        pair: Both legs; gets `axes`, `origins`, `foot`, `foot_rotation`, `ankle` and its Jacobian.
+        pair: Both legs; gets `axes`, `origins`, `foot`, `foot_rotation`, `toe_joint` and
+            `toe_jacobian`.
     """
     for i in range(2):
         leg, state = pair.legs[i], pair.states[i]

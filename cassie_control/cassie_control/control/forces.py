@@ -64,7 +64,7 @@ def carry_weight(
     weight = damped_weight(gain, robot, slope)
     for i in range(2):
         share = carried_share(gain, robot, timing, i)
-        _set_weight_torques(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
+        _set_weight_torques(robot, i, weight * share, pairs[0].states[i].toe_jacobian, command)
 
 
 @compiled
@@ -121,7 +121,7 @@ def _set_weight_torques(
     robot: Robot, i: int, weight: float, jacobian: FloatArray, command: MotorCommand
 ) -> None:
     """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
-    x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
+    x, y = robot.com[0] - robot.toe_joint[i, 0], robot.com[1] - robot.toe_joint[i, 1]
     z = pendulum_height(robot, i)
     torques = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
     base = LEG_DRIVE_COUNT * i

@@ -11,11 +11,11 @@ import math
 from cassie_control.config import StandConfig
 from cassie_control.control.balance import BOTH_FEET, HANGING_CONTACT, STANDING_CONTACT, Balance
 from cassie_control.control.robot import (
-    ANKLE_HEIGHT,
     HIP_DOWN,
     HIP_X,
     HIP_Y,
     SOLE_MIDDLE,
+    TOE_JOINT_HEIGHT,
     LegReadings,
     Readings,
     holding_torques,
@@ -204,7 +204,7 @@ class StandingController:
         `com_error` is kept.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[KNEE]) for leg in readings.legs)
-        self._height = (length + HIP_DOWN + ANKLE_HEIGHT, 0.0)
+        self._height = (length + HIP_DOWN + TOE_JOINT_HEIGHT, 0.0)
         self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
@@ -270,7 +270,7 @@ class StandingController:
             integral = max(-_MAX_HEIGHT_INTEGRAL, min(_MAX_HEIGHT_INTEGRAL, integral))
             self._height_integral = integral
         bounce = both * c.height_damping * (readings.velocity[2] - rate)
-        return height - HIP_DOWN - ANKLE_HEIGHT + self._height_integral - bounce
+        return height - HIP_DOWN - TOE_JOINT_HEIGHT + self._height_integral - bounce
 
     def _set_leg(
         self,
@@ -308,7 +308,7 @@ class StandingController:
         command.kp[drives] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
         command.kd[drives] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = holding_torques(
-            leg.ankle_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
+            leg.toe_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
         )
         toe = self._toe_torque(leg)
         pitch += toe + self._torso_torque(readings, float(mode.pitch), contact)
@@ -336,7 +336,7 @@ class StandingController:
         """
         other = readings.legs[1 - i]
         below_com = readings.com[0] - SOLE_MIDDLE - HIP_X
-        next_to_foot = other.ankle[0] - HIP_X + HIP_DOWN * readings.pitch
+        next_to_foot = other.toe_joint[0] - HIP_X + HIP_DOWN * readings.pitch
         return below_com + self._contact[1 - i] * (next_to_foot - below_com)
 
     def _toe_torque(self, leg: LegReadings) -> float:
@@ -345,7 +345,12 @@ class StandingController:
         Both soles have the same: the edges of feet that stand one ahead of the other differ.
         """
         balance, limit = self._balance, DRIVES["toe"].torque_limit
-        arm = leg.foot[0] + balance.cop_x - leg.ankle[0] + ANKLE_HEIGHT * balance.force_ratio[0]
+        arm = (
+            leg.foot[0]
+            + balance.cop_x
+            - leg.toe_joint[0]
+            + TOE_JOINT_HEIGHT * balance.force_ratio[0]
+        )
         torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-limit, min(limit, torque))
 

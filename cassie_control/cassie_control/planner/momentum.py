@@ -156,7 +156,7 @@ def momentum_velocity(
         hy += tilt[1, k] * total[k]
     x, y, z = robot.com[0], robot.com[1], robot.com[2]
     vx, vy, vz = robot.com_velocity[0], robot.com_velocity[1], robot.com_velocity[2]
-    px, py, pz = robot.ankle[stance, 0], robot.ankle[stance, 1], robot.ankle[stance, 2]
+    px, py, pz = robot.toe_joint[stance, 0], robot.toe_joint[stance, 1], robot.toe_joint[stance, 2]
     ux, uy, uz = robot.velocity[0], robot.velocity[1], robot.velocity[2]
     hx += mass * (y * uz - z * uy - py * vz + pz * vy)
     hy += mass * (z * ux - x * uz - pz * vx + px * vz)

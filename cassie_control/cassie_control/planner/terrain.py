@@ -131,7 +131,7 @@ def initialize_slope(slopes: Records[GroundSlope], robots: Records[Robot]) -> No
     """Begin with the side slope on which both feet stand; level where a foot is in the air."""
     slope, robot = slopes[0], robots[0]
     if slope.slope_time > 0.0 and robot.contact.min() >= _STANDING_CONTACT:
-        _, y, z = robot.ankle[0] - robot.ankle[1]
+        _, y, z = robot.toe_joint[0] - robot.toe_joint[1]
         slope.left = _saturate_slope(z * y / (y * y + _REGULARIZATION * _REGULARIZATION))
 
 
@@ -185,9 +185,9 @@ def update_at_touchdown(slopes: Records[GroundSlope], robots: Records[Robot], ne
     slope, robot = slopes[0], robots[0]
     if slope.slope_time <= 0.0:
         return
-    x = robot.ankle[new, 0] - robot.ankle[1 - new, 0]
-    y = robot.ankle[new, 1] - robot.ankle[1 - new, 1]
-    z = robot.ankle[new, 2] - robot.ankle[1 - new, 2]
+    x = robot.toe_joint[new, 0] - robot.toe_joint[1 - new, 0]
+    y = robot.toe_joint[new, 1] - robot.toe_joint[1 - new, 1]
+    z = robot.toe_joint[new, 2] - robot.toe_joint[1 - new, 2]
     residual = z - slope.ahead * x - slope.left * y
     correction_ahead, correction_left = _plane_correction(slope, x, y, z)
     if slope.sole_ticks > 0.0:
