@@ -54,7 +54,7 @@ def state_of(
     for leg in pair.states:
         moment += leg["com_moment"]
         feet += 0.5 * leg["foot"]
-    state.com_position[:] = turned(tilt, moment / robot.total_mass() - feet)
+    state.com_position[:] = turned(tilt, moment / robot.MASS - feet)
     state.foot_force[:] = forces
     state.foot_load[:] = np.clip((np.array(forces) - 100.0) / 100.0, 0.0, 1.0)
     state.contact_probability[:] = np.array(forces) > 60.0

@@ -98,7 +98,7 @@ def test_the_library_itself_is_not_changed():
 
 
 def test_a_payload_is_found_within_some_strides():
-    payload, weight = Payload(), robot.total_mass() * GRAVITY
+    payload, weight = Payload(), robot.MASS * GRAVITY
     rng = np.random.default_rng(3)
     for tick in range(60 * 200):
         payload.step(weight + 8.0 * GRAVITY + rng.normal(0.0, 200.0), tick // 200)
@@ -108,7 +108,7 @@ def test_a_payload_is_found_within_some_strides():
 def test_a_robot_without_payload_is_not_lighter_than_itself():
     payload = Payload()
     for tick in range(4000):
-        payload.step(0.9 * robot.total_mass() * GRAVITY, tick // 200)
+        payload.step(0.9 * robot.MASS * GRAVITY, tick // 200)
     assert payload.mass == 0.0
 
 

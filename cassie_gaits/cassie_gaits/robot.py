@@ -25,15 +25,18 @@ __all__ = [
     "DRIVE_VELOCITY_FILTER",
     "ENCODER_RATE",
     "FOOT_CONTACTS",
+    "GRAVITY",
     "IMU_POSITION",
     "JOINT_ENCODER_BITS",
     "JOINT_VELOCITY_FILTER",
     "LEFT_LEG",
+    "MASS",
     "NEUTRAL_TARSUS",
     "PELVIS",
     "PELVIS_BALL",
     "RODS",
     "SOLE_RADIUS",
+    "WEIGHT",
     "Drive",
     "Joint",
     "Link",
@@ -43,7 +46,6 @@ __all__ = [
     "mirror_vector",
     "mirrored",
     "symmetric_pelvis",
-    "total_mass",
 ]
 
 NEUTRAL_TARSUS = math.radians(13.0)
@@ -262,13 +264,11 @@ def symmetric_pelvis() -> Link:
     return replace(PELVIS, com=com, inertia=(ixx, iyy, izz, 0.0, ixz, 0.0))
 
 
-def total_mass() -> float:
-    """Mass of the robot. In kg."""
-    return PELVIS.mass + 2.0 * sum(link.mass for link in LEFT_LEG)
-
+MASS = PELVIS.mass + 2.0 * sum(link.mass for link in LEFT_LEG)
+"""Mass of the robot. In kg."""
 
 GRAVITY = 9.81
 """Gravity. In m/s^2."""
 
-WEIGHT = total_mass() * GRAVITY
+WEIGHT = MASS * GRAVITY
 """Weight of the robot. In N."""

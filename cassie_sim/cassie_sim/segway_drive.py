@@ -56,7 +56,7 @@ class SegwayDrive:
 
     def __init__(self, settings: Segway) -> None:
         self._settings = settings
-        weight = (MASS + robot.total_mass()) * robot.GRAVITY
+        weight = (MASS + robot.MASS) * robot.GRAVITY
         self._rolling = 0.5 * WAYS[settings.surface].rolling * weight * WHEEL_RADIUS
         self._reset()
 

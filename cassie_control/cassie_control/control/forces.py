@@ -23,7 +23,6 @@ from cassie_gaits.names import LEG_DRIVE_COUNT, TOE_DRIVE
 from cassie_gaits.records import FloatArray, Records
 from cassie_msgs.layout import MotorCommand
 
-_MASS = model.total_mass()  # kg
 _FORCE_DEAD_BAND = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
 
 _LOADED_FORCE = 30.0  # N, force from which a swing foot counts as loaded
@@ -77,7 +76,7 @@ def damped_weight(gain: Gains, robot: Robot, slope: GroundSlope) -> float:
     the legs. D is the latency of late drives, else 0: D a predicts the speed at that time.
     """
     rise = slope.ahead * robot.com_velocity[0] + slope.left * robot.com_velocity[1]
-    acceleration = (robot.force[0] + robot.force[1]) / _MASS - model.GRAVITY
+    acceleration = (robot.force[0] + robot.force[1]) / model.MASS - model.GRAVITY
     speed = robot.com_velocity[2] - rise + gain.latency * acceleration
     weight: float = model.WEIGHT - gain.bounce_damping * speed
     return max(0.0, weight)

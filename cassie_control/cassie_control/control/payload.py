@@ -18,7 +18,6 @@ class Payload:
     """
 
     def __init__(self) -> None:
-        self._robot_mass = robot.total_mass()
         self.reset()
 
     def reset(self) -> None:
@@ -36,7 +35,7 @@ class Payload:
         """
         if not 0 <= steps - self._stride_start < 2:
             if self._ticks and steps - self._stride_start == 2:
-                payload = self._force_sum / self._ticks / robot.GRAVITY - self._robot_mass
+                payload = self._force_sum / self._ticks / robot.GRAVITY - robot.MASS
                 self.mass += _LOW_PASS_WEIGHT * (max(0.0, min(_MAX_PAYLOAD, payload)) - self.mass)
             self._force_sum, self._ticks, self._stride_start = 0.0, 0, steps
         self._force_sum += force

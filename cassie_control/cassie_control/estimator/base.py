@@ -279,7 +279,7 @@ class LegEstimator:
         self._state = RobotState()
         self._legs = LegPair()
         self._feet: FloatArray = self._legs.records["states"]["foot"][0]
-        self._body = Body(period=period, mass=robot.total_mass())
+        self._body = Body(period=period, mass=robot.MASS)
         self._body.pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
         self._body.imu_position[:] = robot.IMU_POSITION
         self._body.attitude = np.eye(3)

@@ -172,6 +172,6 @@ def make_masses() -> Records[Masses]:
     com = np.array(pelvis.com)
     spread = com @ com * np.eye(3) - np.outer(com, com)
     masses.pelvis[:] = inertia_matrix(pelvis) + pelvis.mass * spread
-    masses.mass = robot.total_mass()
+    masses.mass = robot.MASS
     records: Records[Masses] = masses.records
     return records

@@ -14,7 +14,7 @@ from cassie_gaits.optimize.blocks import Block, Inner, Row
 from cassie_gaits.optimize.inverse_dynamics import RIGID_JOINTS
 from cassie_gaits.optimize.posture import SIZE, places, posture
 from cassie_gaits.optimize.request import Limits
-from cassie_gaits.optimize.step_model import GRAVITY, Instant, instant, touchdown
+from cassie_gaits.optimize.step_model import Instant, instant, touchdown
 from cassie_gaits.records import FloatArray
 
 PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "payload", "asymmetry")
@@ -104,7 +104,7 @@ def _inner_values(at: Instant) -> list[ca.SX]:
 
 
 def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
-    weight = robot.total_mass() * GRAVITY  # only a scale, so the payload is omitted
+    weight = robot.WEIGHT  # only a scale, so the payload is omitted
     along, side, across = ca.vertsplit(at["force"])
     cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
     toe = RIGID_JOINTS.index("toe")

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from cassie_gaits import robot
 from cassie_gaits.optimize import bodies
 from cassie_gaits.optimize.inverse_dynamics import Efforts, Recursion, State, foot_frame
 from cassie_gaits.optimize.posture import SIZE, Posture, places, posture
-
-GRAVITY = 9.81
 
 _SOLE = bodies.leg("right").sole
 
@@ -59,7 +58,7 @@ def instant() -> Instant:
     rates = ca.jtimes(joints, y, yd)
     accels = ca.jtimes(rates, y, yd) + ca.jtimes(rates, yd, ydd)
     roll_rate, roll_accel = yd[SIZE - 2], ydd[SIZE - 2]
-    up = ca.mtimes(at.foot_to_ground.T, ca.DM([0.0, 0.0, GRAVITY]))
+    up = ca.mtimes(at.foot_to_ground.T, ca.DM([0.0, 0.0, robot.GRAVITY]))
     root = foot_state(ca.vertcat(roll_rate, 0.0, 0.0), ca.vertcat(roll_accel, 0.0, 0.0), up)
     efforts = Recursion(asymmetry, payload).run(
         root, (at.stance, rates[:5], accels[:5]), (at.swing, rates[5:], accels[5:])
