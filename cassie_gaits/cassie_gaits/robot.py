@@ -29,6 +29,7 @@ __all__ = [
     "IMU_POSITION",
     "JOINT_ENCODER_BITS",
     "JOINT_VELOCITY_FILTER",
+    "KNEE_STOPS",
     "LEFT_LEG",
     "MASS",
     "NEUTRAL_TARSUS",
@@ -45,6 +46,7 @@ __all__ = [
     "leg_links",
     "mirror_vector",
     "mirrored",
+    "stops",
     "symmetric_pelvis",
 ]
 
@@ -255,6 +257,23 @@ def _mirror_axis_of(name: str) -> int:
 def leg_links(leg: str) -> tuple[Link, ...]:
     """The links of "left" or "right" leg, parents before children."""
     return LEFT_LEG if leg == "left" else tuple(mirrored(link) for link in LEFT_LEG)
+
+
+def stops(leg: str) -> dict[str, tuple[float, float]]:
+    """Lower and upper stop of each joint of "left" or "right" leg that has stops. In rad."""
+    joints = {link.name: link.joint.limits for link in leg_links(leg)}
+    return {name: limits for name, limits in joints.items() if limits is not None}
+
+
+def _knee_stops() -> tuple[float, float]:
+    joints = stops("left")
+    (low, high), (tarsus_low, tarsus_high) = joints["knee"], joints["tarsus"]
+    return max(low, NEUTRAL_TARSUS - tarsus_high), min(high, NEUTRAL_TARSUS - tarsus_low)
+
+
+KNEE_STOPS = _knee_stops()
+"""Stops of either knee with relaxed springs: those of the knee and, as the knee then turns the
+tarsus, those of the tarsus. In rad."""
 
 
 def symmetric_pelvis() -> Link:

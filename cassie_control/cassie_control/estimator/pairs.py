@@ -724,13 +724,13 @@ def _set_position_ranges(limits: RecordArray) -> None:
     """Set the ranges of the positions: the mechanical stops of drives and joints, with a margin."""
     limits["low"], limits["high"] = -math.inf, math.inf
     for i, leg in enumerate(LEGS):
-        links = {link.name: link for link in robot.leg_links(leg)}
+        stops = robot.stops(leg)
         for first, names in (
             (len(LEG_DRIVES) * i, LEG_DRIVES),
             (FIRST_JOINT + len(LEG_SENSED_JOINTS) * i, LEG_SENSED_JOINTS),
         ):
             for k, name in enumerate(names):
-                low, high = links[name].joint.limits or (-math.inf, math.inf)
+                low, high = stops[name]
                 limits["low"][first + k] = low - _RANGE_MARGIN
                 limits["high"][first + k] = high + _RANGE_MARGIN
 

@@ -172,23 +172,16 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
     return Block("posture", y, p, rows, maps, form=("posture", limits, lean))
 
 
+_STOP_MARGIN = 1e-3  # rad, by which joints stay inside their stops
+
+
 def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
-    rows = []
+    rows, stops = [], robot.stops(LEGS[side]) | {"knee": robot.KNEE_STOPS}
     for i, joint in enumerate(RIGID_JOINTS):
-        low, high = _stops(LEGS[side], joint)
+        low, high = stops[joint]
         name = f"stops of {side} {joint.replace('_', ' ')}"
-        rows.append(Row(name, joints[i], low, high, unit="rad"))
+        rows.append(Row(name, joints[i], low + _STOP_MARGIN, high - _STOP_MARGIN, unit="rad"))
     return rows
-
-
-def _stops(leg: str, joint: str) -> tuple[float, float]:
-    """Range of a joint; the knee's range includes the tarsus's stops, which moves against it."""
-    stops = {link.name: link.joint.limits or (-INF, INF) for link in robot.leg_links(leg)}
-    low, high = stops[joint]
-    if joint == "knee":
-        low = max(low, robot.NEUTRAL_TARSUS - stops["tarsus"][1])
-        high = min(high, robot.NEUTRAL_TARSUS - stops["tarsus"][0])
-    return low + 1e-3, high - 1e-3
 
 
 def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block:
