@@ -6,7 +6,7 @@ import numpy as np
 
 from cassie_control.control.robot import Readings, set_tilt
 from cassie_gaits import robot, virtual_leg
-from cassie_gaits.leg import LegPair
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
 from cassie_gaits.robot import WEIGHT
 from cassie_gaits.vectors import turned
@@ -50,7 +50,8 @@ def state_of(
     set_tilt(pitch, roll, tilt)
     moment, feet = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
     pair = LegPair()
-    pair.update(np.array([left, right]), np.zeros((2, 7)), np.zeros(2), np.array([0.0, 0.0, 1.0]))
+    joints, up = np.array([left, right]), np.array([0.0, 0.0, 1.0])
+    both_legs(joints, np.zeros((2, 7)), np.zeros(2), up, pair.records[0])
     for leg in pair.states:
         moment += leg["com_moment"]
         feet += 0.5 * leg["foot"]

@@ -256,17 +256,17 @@ def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -
 def both_legs(
     joints: FloatArray,
     rates: FloatArray,
-    toe_torques: FloatArray | tuple[float, float],
+    toe_torques: FloatArray,
     up: VectorLike,
     pair: LegPair,
 ) -> None:
-    """Compute kinematics and spring force of both legs.
+    """Compute kinematics and spring force (see `spring_force`) of both legs.
 
     Args:
         joints: Joint angles. Shape (2, 7), in rad.
         rates: Joint rates. Shape (2, 7), in rad/s.
-        toe_torques: Torques of the two toe drives, in Nm.
-        up: Unit vector against gravity in the pelvis frame.
+        toe_torques: Torques of the two toe drives at the joint. Shape (2,), in Nm.
+        up: Unit vector against gravity in the pelvis frame. Shape (3,).
         pair: Both legs; gets states and forces.
     """
     for i in range(2):
@@ -294,18 +294,6 @@ def place_legs(joints: FloatArray, pair: LegPair) -> None:
         _place_foot(motion, leg, state)
 
 
-@compiled
-def update_pair(
-    joints: FloatArray,
-    rates: FloatArray,
-    toe_torques: FloatArray,
-    up: FloatArray,
-    pairs: Records[LegPair],
-) -> None:
-    """`both_legs` with the pair in an array of shape (1,)."""
-    both_legs(joints, rates, toe_torques, up, pairs[0])
-
-
 class LegPair(Record):
     """Both legs.
 
@@ -325,19 +313,6 @@ class LegPair(Record):
         super().__init__()
         self.records["legs"][0] = np.concatenate([_leg(name).records for name in LEGS])
         self.records["loop"] = heel_loop().records
-
-    def update(
-        self, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray, up: FloatArray
-    ) -> None:
-        """Compute kinematics and forces (see `spring_force`) at a measured pose.
-
-        Args:
-            joints: Joint angles. Shape (2, 7), in rad.
-            rates: Joint rates. Shape (2, 7), in rad/s.
-            toe_torques: Torques of the toe drives at the joint. Shape (2,), in Nm.
-            up: Unit vector against gravity in the pelvis frame. Shape (3,).
-        """
-        update_pair(joints, rates, toe_torques, up, self.records)
 
 
 def _leg(name: str) -> Leg:

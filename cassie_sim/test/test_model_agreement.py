@@ -14,7 +14,7 @@ import pytest
 
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.dynamics import INPUT, RIGID, Dynamics, rigid_pose
-from cassie_gaits.leg import LegPair
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.linkage import crank_angles, heel_angle_and_slopes
 from cassie_gaits.names import DRIVE_IN_Q, JOINTS, LEGS
 from cassie_sim.poses import set_drives
@@ -275,7 +275,8 @@ def test_legs_of_the_control_loop_agree(seed):
     R_WB, origin = data.body("pelvis").xmat.reshape(3, 3), q[:3]
     moment, momentum = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
     pair = LegPair()
-    pair.update(q[6:].reshape(2, 7), rates[6:].reshape(2, 7), np.zeros(2), R_WB[2])
+    angles, angle_rates = q[6:].reshape(2, 7), rates[6:].reshape(2, 7)
+    both_legs(angles, angle_rates, np.zeros(2), R_WB[2], pair.records[0])
     for i, leg in enumerate(LEGS):
         joints = slice(6 + 7 * i, 13 + 7 * i)
         state = pair.states[i]
