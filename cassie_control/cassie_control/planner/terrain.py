@@ -144,14 +144,8 @@ def update_in_stance(
     if slope.slope_time <= 0.0:
         return
     q = robot.joints[stance]
-    # `virtual_leg.foot_pitch` with the springs' deflection
-    pitch = (
-        -robot.pitch
-        + q[HIP_PITCH]
-        + (q[KNEE] + q[SHIN] + q[TARSUS])
-        + q[TOE]
-        + virtual_leg.TOE_OFFSET
-    )
+    thigh_to_tarsus = q[KNEE] + q[SHIN] + q[TARSUS]  # with the springs' deflection
+    pitch = virtual_leg.foot_pitch(robot.pitch, q[HIP_PITCH], q[TOE], thigh_to_tarsus)
     rate, slope.sole_pitch = (pitch - slope.sole_pitch) / slope.period, pitch
     slope.sole_pitch_rate += slope.period / _PITCH_RATE_TIME * (rate - slope.sole_pitch_rate)
     if phase < _FLAT_PHASE:
