@@ -50,6 +50,10 @@ MIN_PENDULUM_HEIGHT = 0.4
 MAX_LEG_LENGTH = 0.95
 """Longest leg that walking plans: a straighter knee hardly controls the leg's length. In m."""
 
+MAX_COMMANDED_LENGTH = 0.97
+"""Longest leg that is commanded, 4 degrees of the knee before its stop: a late touchdown, and
+unequal loads while standing, make a leg longer than planned. In m."""
+
 
 @compiled
 def aim_leg(

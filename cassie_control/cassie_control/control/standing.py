@@ -14,6 +14,7 @@ from cassie_control.control.robot import (
     HIP_DOWN,
     HIP_X,
     HIP_Y,
+    MAX_COMMANDED_LENGTH,
     SOLE_MIDDLE,
     TOE_JOINT_HEIGHT,
     LegReadings,
@@ -128,7 +129,7 @@ class Rise:
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
-_LENGTHS = (0.25, 0.97)  # m, range of the commanded leg length
+_MIN_LENGTH = 0.25  # m, shortest leg that is commanded
 _MIN_LEVER = 0.4  # m, least height and leg length that turn a distance into an angle
 _CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
@@ -289,7 +290,7 @@ class StandingController:
         air = 1.0 - contact
         _, roll_regulation = balance.torso_regulation
         length += contact * (share - 0.5) * WEIGHT / c.leg_stiffness
-        length = virtual_leg.clamp_length(length, *_LENGTHS)
+        length = min(MAX_COMMANDED_LENGTH, max(_MIN_LENGTH, length))
         hip_angles = self._hip_angles[i]
         self._release_hips(hip_angles, leg, contact)
         air_pitch = self._air_foot_x(i, readings) / max(length, _MIN_LEVER)
