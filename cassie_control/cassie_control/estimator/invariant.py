@@ -16,12 +16,14 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import Vector, cross, minus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_SIZE = 21
-"""Dimension of the filter's error: orientation, velocity, position, left and right contact, gyro
-and accelerometer bias, three of each."""
+_R, _V, _P, _D = 0, 3, 6, 9
+_BG = _D + 2 * 3
+_BA = _BG + 3
+"""Indices of the filter's errors, each of three coordinates: orientation, velocity, position, left
+and right contact, gyro and accelerometer bias."""
 
-_R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
-"""Indices of each part's first error."""
+_SIZE = _BA + 3
+"""Number of the filter's errors."""
 
 _VELOCITY, _POSITION, _CONTACTS = 0, 1, 2
 """Rows of `FilterState.vectors`; from `_CONTACTS` on the left and the right contact."""
@@ -65,9 +67,9 @@ class FilterNoise(Record):
         period: Time between samples. In s.
         gyro: Power density of the gyro's noise. In (rad/s)^2 s.
         accelerometer: Power density of the accelerometer's noise. In (m/s^2)^2 s.
-        gyro_bias: Variance per time of the gyro bias's random walk. In (rad/s)^2/s.
-        largest_gyro_bias: Saturation of the gyro's bias. In rad/s.
-        accelerometer_bias: Variance per time of the accelerometer bias's random walk. In
+        gyro_bias_walk: Variance per time of the gyro bias's random walk. In (rad/s)^2/s.
+        gyro_bias_limit: Saturation of the gyro's bias. In rad/s.
+        accelerometer_bias_walk: Variance per time of the accelerometer bias's random walk. In
             (m/s^2)^2/s.
         stance: Variance per time of a loaded contact's random walk. In m^2/s.
         swing: Variance per time of a random walk, for a foot in the air. In m^2/s.
@@ -84,9 +86,9 @@ class FilterNoise(Record):
     period: float
     gyro: float
     accelerometer: float
-    gyro_bias: float
-    largest_gyro_bias: float
-    accelerometer_bias: float
+    gyro_bias_walk: float
+    gyro_bias_limit: float
+    accelerometer_bias_walk: float
     stance: float
     swing: float
     kinematics: float
@@ -353,8 +355,8 @@ def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> N
             P[_D + 3 * i + k, _D + 3 * i + k] += variance
     for k in range(3):
         P[_V + k, _V + k] += dt * noise.accelerometer
-        P[_BG + k, _BG + k] += dt * noise.gyro_bias
-        P[_BA + k, _BA + k] += dt * noise.accelerometer_bias
+        P[_BG + k, _BG + k] += dt * noise.gyro_bias_walk
+        P[_BA + k, _BA + k] += dt * noise.accelerometer_bias_walk
 
 
 @compiled
@@ -450,8 +452,8 @@ def _correct_state(state: FilterState, noise: FilterNoise, correction: FloatArra
         for k in range(3):
             state.vectors[i, k] = moved[k] + shift[k]
     for k in range(3):
-        largest, bias = noise.largest_gyro_bias, state.gyro_bias[k] + correction[_BG + k]
-        state.gyro_bias[k] = max(-largest, min(largest, bias))
+        limit, bias = noise.gyro_bias_limit, state.gyro_bias[k] + correction[_BG + k]
+        state.gyro_bias[k] = max(-limit, min(limit, bias))
         state.accelerometer_bias[k] += correction[_BA + k]
 
 
@@ -783,9 +785,9 @@ class InvariantEstimator(LegEstimator):
             noise.accelerometer = _REJECTED_ACCELEROMETER_NOISE**2
         else:
             noise.accelerometer = c.accelerometer_noise**2
-        noise.gyro_bias = c.gyro_drift**2
-        noise.largest_gyro_bias = c.gyro_bias
-        noise.accelerometer_bias = c.accelerometer_drift**2
+        noise.gyro_bias_walk = c.gyro_drift**2
+        noise.gyro_bias_limit = c.gyro_bias
+        noise.accelerometer_bias_walk = c.accelerometer_drift**2
         noise.stance = c.stance_noise**2
         noise.swing = c.swing_noise**2
         noise.kinematics = c.kinematics_noise**2
