@@ -644,17 +644,31 @@ _HANGING_TIME = 0.5  # s, correlation time of this speed
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
 _REST_RATE = 0.3  # rad/s, of the fastest joint of a robot at rest
 _WALKING_DEVIATION = 1.0  # m/s, of the velocity by the legs at one sample, as after a touchdown
-_FIRST_DEVIATION = (
-    (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; heading and position begin by definition
-    (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
-    (1e-4, 1e-4, 1e-4),  # m
-    (1.0, 1.0, 1.0),  # m: the first correction by the feet finds the contacts
-    (1.0, 1.0, 1.0),
-    (1e-4, 1e-4, 1e-4),  # rad/s: the default of `FilterConfig.gyro_bias`
-    (0.01, 0.01, 0.01),  # m/s^2: 1 mg
-)
-"""Standard deviations of the errors at the start: orientation, velocity, position, left and right
-contact, gyro and accelerometer bias."""
+_MIN_BIAS_DEVIATION = 1e-9  # rad/s, so that also a bias that is limited to 0 has a variance
+
+
+def _first_deviations(gyro_bias_limit: float) -> FloatArray:
+    """Standard deviations of the errors at the start.
+
+    Args:
+        gyro_bias_limit: Saturation of the gyro's bias. In rad/s.
+
+    Returns:
+        For orientation, velocity, position, left and right contact, gyro and accelerometer bias.
+        Shape (7, 3).
+    """
+    gyro_bias = max(_MIN_BIAS_DEVIATION, gyro_bias_limit)
+    return np.array(
+        [
+            (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; the heading begins by definition
+            (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
+            (1e-4, 1e-4, 1e-4),  # m: the position begins by definition
+            (1.0, 1.0, 1.0),  # m: the first correction by the feet finds the contacts
+            (1.0, 1.0, 1.0),
+            (gyro_bias, gyro_bias, gyro_bias),
+            (0.01, 0.01, 0.01),  # m/s^2: 1 mg
+        ]
+    )
 
 
 class InvariantEstimator(LegEstimator):
@@ -749,7 +763,7 @@ class InvariantEstimator(LegEstimator):
         for i in range(2):
             vectors[_CONTACTS + i] = vectors[_POSITION] + R @ body.imu_to_soles[i]
             start.sole_rotations[i] = R @ self._legs.states[i].foot_rotation
-        deviation = np.array(_FIRST_DEVIATION)
+        deviation = _first_deviations(self._noise.gyro_bias_limit)
         if self._walks():
             deviation[_V // 3] = _WALKING_DEVIATION
             vectors[_VELOCITY] = R @ self._velocity_by_legs(sensors.angular_velocity)
