@@ -110,6 +110,9 @@ class PairLimits(Record):
 
     Attributes:
         period: Time between samples. In s.
+        peak_decay: Factor on both decaying peaks over one period.
+        residual_decay: Factor on the residual over one period, by `RESIDUAL_TIME`.
+        spike_decay: Factor on the counts of spikes over one period, by `SPIKE_TIME`.
         hold_time: Time for which a channel stays rejected after its last fault. In s.
         averaged: 1 where the velocity is the mean over the period, as a gyro's.
         low, high: Range of the position. In rad.
@@ -125,6 +128,9 @@ class PairLimits(Record):
     """
 
     period: float
+    peak_decay: float
+    residual_decay: float
+    spike_decay: float
     hold_time: float
     averaged: int = whole()
     low: float
@@ -175,8 +181,7 @@ def check_pair(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> 
     for k in (2, 1):
         pair.velocity_steps[k] = pair.velocity_steps[k - 1]
     pair.position_steps[0], pair.velocity_steps[0] = position_step, velocity_step
-    decay = math.exp(-limits.period / _PEAK_TIME)
-    pair.speed_peak = max(abs(velocity), pair.speed_peak * decay)
+    pair.speed_peak = max(abs(velocity), pair.speed_peak * limits.peak_decay)
     _detect_stuck_channel(pair, limits, position, velocity)
     _detect_spikes(pair, limits, ticks, velocity)
     reaccepted = ticks >= _VELOCITY_TICKS and _check_residual(pair, limits, ticks, tolerance)
@@ -326,11 +331,10 @@ _RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none for 48 ms
 def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> None:
     """Count spikes of the velocity, and reject it after two clear ones in quick succession."""
     spike = _spike_size(pair, limits, ticks, velocity)
-    decay = math.exp(-limits.period / SPIKE_TIME)
     clear = 1.0 if spike > limits.spike else 0.0
     small = 1.0 if spike > _SMALL_SPIKE_RATIO * limits.spike else 0.0
-    pair.spike_counts[_CLEAR] = decay * pair.spike_counts[_CLEAR] + clear
-    pair.spike_counts[_SMALL] = decay * pair.spike_counts[_SMALL] + small
+    pair.spike_counts[_CLEAR] = limits.spike_decay * pair.spike_counts[_CLEAR] + clear
+    pair.spike_counts[_SMALL] = limits.spike_decay * pair.spike_counts[_SMALL] + small
     if pair.spike_counts[_CLEAR] > _SPIKE_COUNT_LIMIT:
         pair.rejected_for[V] = limits.hold_time
 
@@ -371,8 +375,7 @@ def _check_residual(pair: Pair, limits: PairLimits, ticks: int, tolerance: float
     """
     position_step = pair.position_steps[limits.velocity_lag]
     velocity_step = pair.velocity_steps[limits.position_lag]
-    decay = math.exp(-limits.period / RESIDUAL_TIME)
-    pair.residual = pair.residual * decay + position_step - velocity_step
+    pair.residual = pair.residual * limits.residual_decay + position_step - velocity_step
     _update_jump_peak(pair, limits, position_step, velocity_step)
     delayed = _delayed_channel(pair, limits, ticks, velocity_step)
     if delayed == _NO_CHANNEL and _agrees(pair, limits, tolerance):
@@ -386,9 +389,8 @@ def _update_jump_peak(
     pair: Pair, limits: PairLimits, position_step: float, velocity_step: float
 ) -> None:
     """Update the peak of the position's jumps."""
-    decay = math.exp(-limits.period / _PEAK_TIME)
     jump = min(abs(position_step - velocity_step), abs(position_step - pair.last_position_step))
-    pair.jump_peak = max(jump, pair.jump_peak * decay)
+    pair.jump_peak = max(jump, pair.jump_peak * limits.peak_decay)
     pair.last_position_step = position_step
 
 
@@ -709,6 +711,9 @@ def set_pair_limits(
         limits: Result, records of `PairLimits`. Shape (19,).
     """
     limits["period"], limits["hold_time"], limits["averaged"][IMU_PAIRS] = period, hold_time, 1
+    limits["peak_decay"] = math.exp(-period / _PEAK_TIME)
+    limits["residual_decay"] = math.exp(-period / RESIDUAL_TIME)
+    limits["spike_decay"] = math.exp(-period / SPIKE_TIME)
     _set_position_ranges(limits)
     for name, (of_leg_drives, of_leg_joints, of_imu) in _LIMITS.items():
         limits[name][DRIVE_PAIRS] = np.tile(of_leg_drives, len(LEGS))
