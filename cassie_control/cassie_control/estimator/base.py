@@ -30,7 +30,7 @@ class Body(Record):
         toe_torques: Torques of the toes in the last sample. In Nm.
         attitude: IMU to world, as measured by the IMU in the last sample.
         imu_to_soles: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
-        stance_share: Low-passed fraction of time in which the feet carried the robot.
+        carrying_share: Low-passed fraction of time in which the feet carried the robot.
         force_scale: Factor on the forces of the legs' springs.
         force_scale_time: Time constant of `force_scale`; it grows after the start. In s.
     """
@@ -47,7 +47,7 @@ class Body(Record):
     toe_torques: FloatArray = array(2)
     attitude: FloatArray = array(3, 3)
     imu_to_soles: FloatArray = array(2, 3)
-    stance_share: float
+    carrying_share: float
     force_scale: float
     force_scale_time: float
 
@@ -151,8 +151,10 @@ def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: 
         body.toe_torques[i] = sample.drive_torque[drive + TOE_DRIVE]
 
 
-_STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
-_STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
+# Whether the feet alone carry the robot at this moment. `acceleration` asks whether the robot has
+# been on its feet for some steps: with the weight at rest, and a longer time constant.
+_CARRYING_RATIO = 0.6  # of the springs' force to the apparent weight: threshold
+_CARRYING_TIME = 0.05  # s, time constant of `Body.carrying_share`
 # `Body.force_scale_time` grows from the duration of a step, over which the error averages out.
 _FIRST_SCALE_TIME, _LAST_SCALE_TIME = 0.4, 6.0  # s
 # Springs within 20 % and a mass within 10 % of the nominal ones give 0.9 / 1.2 to 1.1 / 0.8.
@@ -182,9 +184,9 @@ def _scale_forces(
     for k in range(3):
         apparent_weight += mass * up[k] * specific_force[k]
     # Else a gantry carries the robot, too.
-    standing = 1.0 if spring_force > _STANCE_FORCE_RATIO * apparent_weight else 0.0
-    body.stance_share += period / _STANCE_TIME * (standing - body.stance_share)
-    if body.stance_share > 0.5:
+    carrying = 1.0 if spring_force > _CARRYING_RATIO * apparent_weight else 0.0
+    body.carrying_share += period / _CARRYING_TIME * (carrying - body.carrying_share)
+    if body.carrying_share > 0.5:
         body.force_scale_time = min(_LAST_SCALE_TIME, body.force_scale_time + period)
         error = apparent_weight - body.force_scale * spring_force
         body.force_scale += period / body.force_scale_time * error / (mass * robot.GRAVITY)
@@ -313,7 +315,7 @@ class LegEstimator:
         """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         self._state.floats[:] = 0.0
         body = self._body
-        body.stance_share, body.force_scale, body.force_scale_time = 0.0, 1.0, _FIRST_SCALE_TIME
+        body.carrying_share, body.force_scale, body.force_scale_time = 0.0, 1.0, _FIRST_SCALE_TIME
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest at this place; the yaw's full turns are kept."""

@@ -640,7 +640,7 @@ def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> f
 
 
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
-_HANGING_TIME = 0.5  # s, correlation time of this speed
+_HANGING_CORRELATION_TIME = 0.5  # s, correlation time of this speed
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
 _REST_RATE = 0.3  # rad/s, of the fastest joint of a robot at rest
 _WALKING_DEVIATION = 1.0  # m/s, of the velocity by the legs at one sample, as after a touchdown
@@ -807,7 +807,7 @@ class InvariantEstimator(LegEstimator):
         noise.kinematics = c.kinematics_noise**2
         noise.tilt = c.tilt_error**2 * persistent
         noise.heading = c.heading_error**2 * persistent
-        noise.hanging_velocity = _HANGING_SPEED**2 * 2.0 * _HANGING_TIME / period
+        noise.hanging_velocity = _HANGING_SPEED**2 * 2.0 * _HANGING_CORRELATION_TIME / period
         noise.slip_gate = c.slip_gate**2
         noise.slip_decay = math.exp(-period / c.slip_time)
         noise.attitude_delay = c.attitude_delay

@@ -27,7 +27,7 @@ IMU_PAIRS = slice(FIRST_IMU_AXIS, PAIRS)
 P, V = 0, 1
 """Channels of a pair: position and velocity."""
 
-DELAYS = tuple(0.001 * ms for ms in range(10, 101, 2))
+PAIR_DELAYS = tuple(0.001 * ms for ms in range(10, 101, 2))
 """Delays that are tested; a delay between two of them fits one of these well enough. In s."""
 
 RESIDUAL_TIME = 0.3
@@ -44,7 +44,7 @@ _ACCEPTED, _REJECTED, _RESPONSIVE = 0, 1, 2  # values of `Pair.status`
 _CLEAR, _SMALL = 0, 1  # indices of `Pair.spike_counts`
 
 # At 2 kHz; at higher rates fewer delays are tested, and a shorter response is modelled.
-_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `DELAYS`
+_STEP_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `PAIR_DELAYS`
 _RESPONSE_TICKS = 36  # in `Pair.position_steps`: the joints' velocity filter responds for 18 ms
 _VELOCITY_TICKS = 4  # in `Pair.last_velocities`: with the present one, five for the cubic
 
@@ -69,7 +69,7 @@ class Pair(Record):
         partner_motion: Motion that the other channel has shown meanwhile. In rad.
         residual: Position minus integrated velocity, decaying with `RESIDUAL_TIME`. In rad.
         step_history: Ring buffer of the steps of position and velocity that are compared. In rad.
-        delay_sums: Cumulative sums for the channel's delay by each of `DELAYS`. In rad^2.
+        delay_sums: Cumulative sums for the channel's delay by each of `PAIR_DELAYS`. In rad^2.
         delay_evidence: Largest of the channel's cumulative sums. In rad^2.
         undecided_time: Time for which the channels have disagreed without a known cause. In s.
         provisional: 1 where a channel was rejected without a delay that explains it.
@@ -91,8 +91,8 @@ class Pair(Record):
     unchanged_ticks: IntArray = whole(2)
     partner_motion: FloatArray = array(2)
     residual: float
-    step_history: FloatArray = array(2, _HISTORY_TICKS)
-    delay_sums: FloatArray = array(2, len(DELAYS))
+    step_history: FloatArray = array(2, _STEP_HISTORY_TICKS)
+    delay_sums: FloatArray = array(2, len(PAIR_DELAYS))
     delay_evidence: FloatArray = array(2)
     undecided_time: float
     provisional: int = whole()
@@ -121,7 +121,7 @@ class PairLimits(Record):
             increase with the speed, in s.
         spike: Threshold of the velocity's clear spikes. In rad/s.
         evidence: Threshold of the cumulative sums from which a channel is delayed. In rad^2.
-        delay_ticks: Each of `DELAYS` in ticks.
+        delay_ticks: Each of `PAIR_DELAYS` in ticks.
         response_ticks: Ticks for which the velocity responds to a step of the position.
         response: Weights of the steps, newest first, in the velocity filter's response.
         position_lag, velocity_lag: Ticks by which each channel lags the other.
@@ -140,7 +140,7 @@ class PairLimits(Record):
     residual_by_speed: float
     spike: float
     evidence: float
-    delay_ticks: IntArray = whole(len(DELAYS))
+    delay_ticks: IntArray = whole(len(PAIR_DELAYS))
     response_ticks: int = whole()
     response: FloatArray = array(_RESPONSE_TICKS)
     position_lag: int = whole()
@@ -322,7 +322,7 @@ def _count_unchanged(
 
 _SMALL_SPIKE_RATIO = 0.35  # of a small spike's threshold to a clear one's
 # A spike adds 1 to a count that decays with `SPIKE_TIME`.
-_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within 64 ms
+_CLEAR_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within 64 ms
 _SMALL_SPIKE_COUNT_LIMIT = 2.0  # of small spikes: exceeded by three within 38 ms
 _RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none for 48 ms
 
@@ -335,7 +335,7 @@ def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) 
     small = 1.0 if spike > _SMALL_SPIKE_RATIO * limits.spike else 0.0
     pair.spike_counts[_CLEAR] = limits.spike_decay * pair.spike_counts[_CLEAR] + clear
     pair.spike_counts[_SMALL] = limits.spike_decay * pair.spike_counts[_SMALL] + small
-    if pair.spike_counts[_CLEAR] > _SPIKE_COUNT_LIMIT:
+    if pair.spike_counts[_CLEAR] > _CLEAR_SPIKE_COUNT_LIMIT:
         pair.rejected_for[V] = limits.hold_time
 
 
@@ -357,7 +357,7 @@ def _spike_size(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> 
     if large and not limits.averaged and pair.rejected_for[P] <= 0.0:
         residual = 0.0  # of the two steps to which the velocity in question belongs
         for k in (1, 2):
-            tick = (ticks - k) % _HISTORY_TICKS
+            tick = (ticks - k) % _STEP_HISTORY_TICKS
             residual += pair.step_history[P, tick] - pair.step_history[V, tick]
         # A wrong velocity gives the residual period x deviation, a joint that moved like this 0.
         if abs(residual) < 0.5 * limits.period * deviation:
@@ -409,7 +409,7 @@ _ALLOWANCE_RATIO = 0.01  # to `PairLimits.evidence`: decrease of each cumulative
 
 @compiled
 def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: float) -> int:
-    """Channel that repeats the other one's motion after one of `DELAYS`, or `_NO_CHANNEL`.
+    """Channel that repeats the other one's motion after one of `PAIR_DELAYS`, or `_NO_CHANNEL`.
 
     Cumulative sum test (Page, Biometrika 1954), for each channel and each delay. A tick adds by how
     much the delay explains the motion better than no delay does. The sum stays at or above zero:
@@ -427,7 +427,7 @@ def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: 
     # A velocity that is not filtered agrees with the newest step.
     newest_step = pair.position_steps[0]
     error = min((expected_step - velocity_step) ** 2, (newest_step - velocity_step) ** 2)
-    tick, evidence = ticks % _HISTORY_TICKS, pair.delay_evidence
+    tick, evidence = ticks % _STEP_HISTORY_TICKS, pair.delay_evidence
     pair.step_history[P, tick], pair.step_history[V, tick] = expected_step, velocity_step
     if error <= _ALLOWANCE_RATIO * limits.evidence and evidence[P] + evidence[V] <= 0.0:
         return _NO_CHANNEL  # each sum would stay zero
@@ -446,7 +446,7 @@ def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: 
     return _NO_CHANNEL
 
 
-_DELAY_ERROR_WEIGHT = 3.0  # of the squared residual that a delay leaves
+_DELAYED_STEP_WEIGHT = 3.0  # of the squared residual that a delay leaves
 _MAX_INCREASE_RATIO = 0.25  # to `evidence`: weight of a tick; a landing lasts fewer than five ticks
 _SATURATION_RATIO = 4.0  # to `evidence`: saturation of each cumulative sum
 
@@ -464,7 +464,7 @@ def _update_delay_sums(
 
     With e the squared residual without a delay, e(D) that of the delay D, and E the threshold:
 
-        S(D) <- S(D) + w (e - _DELAY_ERROR_WEIGHT e(D)) - _ALLOWANCE_RATIO E
+        S(D) <- S(D) + w (e - _DELAYED_STEP_WEIGHT e(D)) - _ALLOWANCE_RATIO E
         w = min(1, _MAX_INCREASE_RATIO E / e),   0 <= S(D) <= _SATURATION_RATIO E
 
     So a tick with a large error, as at a landing, has a small weight: the share of the error that
@@ -483,10 +483,10 @@ def _update_delay_sums(
     largest_error = _MAX_INCREASE_RATIO * limits.evidence
     weight = largest_error / max(undelayed_error, largest_error)
     largest, sums = 0.0, pair.delay_sums[channel]
-    for m in range(len(DELAYS)):
+    for m in range(len(PAIR_DELAYS)):
         earlier = tick - limits.delay_ticks[m]
-        error = step - partner_steps[earlier if earlier >= 0 else earlier + _HISTORY_TICKS]
-        increase = weight * (undelayed_error - _DELAY_ERROR_WEIGHT * error * error) - allowance
+        error = step - partner_steps[earlier if earlier >= 0 else earlier + _STEP_HISTORY_TICKS]
+        increase = weight * (undelayed_error - _DELAYED_STEP_WEIGHT * error * error) - allowance
         if partner_unreliable:
             increase = min(increase, 0.0)
         sums[m] = max(0.0, min(sums[m] + increase, _SATURATION_RATIO * limits.evidence))
@@ -760,7 +760,7 @@ _DRIVE_NOISE_WEIGHT, _JOINT_NOISE_WEIGHT = 0.2, 2.5  # of encoders, relative to 
 
 def _set_delays(period: float, attitude_delay: float, limits: RecordArray) -> None:
     """Set the tested delays, the velocity filters' responses and the lags, all in ticks."""
-    ticks = [max(1, min(_HISTORY_TICKS - 1, round(delay / period))) for delay in DELAYS]
+    ticks = [max(1, min(_STEP_HISTORY_TICKS - 1, round(delay / period))) for delay in PAIR_DELAYS]
     limits["delay_ticks"] = ticks
     limits["response"][:, 0], limits["response_ticks"] = 1.0, 1  # a gyro has no filter
     for pairs, filters in (
