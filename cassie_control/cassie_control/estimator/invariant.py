@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cassie_control.errors import SensorError
+from cassie_control.estimator import config as estimator_config
 from cassie_control.estimator.base import Body, LegEstimator, complete_state
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_gaits import robot
@@ -100,7 +101,6 @@ class FilterNoise(Record):
     attitude_delay: float
 
 
-_AIRBORNE_PROBABILITY = 0.5  # of contact, below which a foot is in the air
 _MAX_ORIGIN_DISTANCE = 10.0  # m, of the IMU from the filter's origin
 
 
@@ -160,7 +160,7 @@ def _step_filter(
     correction = np.zeros(_SIZE)
     _correct_by_attitude(state, noise, body.attitude, sample.angular_velocity, correction)
     contact_probability = max(contact[0], contact[1])
-    if contact_probability < _AIRBORNE_PROBABILITY:
+    if contact_probability < estimator_config.ON_GROUND:
         _correct_hanging_velocity(
             state, noise.hanging_velocity / (1.0 - contact_probability) ** 2, correction
         )
@@ -597,7 +597,7 @@ def _update_ground_height(
     vectors, load, contact = estimate.vectors, state.foot_load, state.contact_probability
     total_load = load[0] + load[1]
     touching = 0 if contact[0] > contact[1] else 1
-    if contact[touching] < _AIRBORNE_PROBABILITY:
+    if contact[touching] < estimator_config.ON_GROUND:
         estimate.airborne_time += noise.period
     elif estimate.airborne_time < _NEW_GROUND_TIME or total_load >= 1.0:
         estimate.airborne_time = 0.0

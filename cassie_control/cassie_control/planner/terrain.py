@@ -6,12 +6,12 @@ import math
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Robot
+from cassie_control.estimator import config as estimator_config
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import HIP_PITCH, KNEE, SHIN, TARSUS, TOE
 from cassie_gaits.records import FloatArray, Record, Records, array
 
-_STANDING_CONTACT = 0.5  # contact probability of a foot that stands on the ground
 _FLAT_PHASE = 0.25  # phase from which the stance foot lies flat
 _MAX_SLOPE = 0.6  # saturation of the estimated slope
 _PITCH_RATE_TIME = 0.03  # s, time constant of the low-pass of the stance foot's pitch rate
@@ -130,7 +130,7 @@ class GroundSlope(Record):
 def initialize_slope(slopes: Records[GroundSlope], robots: Records[Robot]) -> None:
     """Begin with the side slope on which both feet stand; level where a foot is in the air."""
     slope, robot = slopes[0], robots[0]
-    if slope.slope_time > 0.0 and robot.contact.min() >= _STANDING_CONTACT:
+    if slope.slope_time > 0.0 and robot.contact.min() >= estimator_config.ON_GROUND:
         _, y, z = robot.toe_joint[0] - robot.toe_joint[1]
         slope.left = _saturate_slope(z * y / (y * y + _REGULARIZATION * _REGULARIZATION))
 
