@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
+from cassie_control.estimator.kinematic import IMU_RATE_VARIANCE, IMU_TILT_VARIANCE
 from cassie_control.ros.transforms import Transforms
 from cassie_gaits.link_frames import BASE_FRAME, IMU_FRAME, ODOM_FRAME
 from cassie_msgs.layout import RobotState, Sensors
@@ -17,8 +18,12 @@ from cassie_msgs.ros.stencil import Stencil
 RATE = 100
 """Highest rate of /imu/data and /odom, in robot time. In Hz."""
 
-# Variances of the IMU's readings: rad^2, (rad/s)^2, (m/s^2)^2.
-_IMU_VARIANCE = (math.radians(0.35) ** 2, math.radians(0.1) ** 2, 0.04**2)
+_ACCELEROMETER_VARIANCE = 0.04**2  # (m/s^2)^2
+_IMU_VARIANCES = {
+    "orientation": IMU_TILT_VARIANCE,
+    "angular_velocity": IMU_RATE_VARIANCE,
+    "linear_acceleration": _ACCELEROMETER_VARIANCE,
+}
 
 
 class StandardTopics:
@@ -105,9 +110,7 @@ def _diagonal(variances: list[float]) -> list[float]:
 def _imu_stencil() -> Stencil:
     message = Imu()
     message.header.frame_id = IMU_FRAME
-    for name, variance in zip(
-        ("orientation", "angular_velocity", "linear_acceleration"), _IMU_VARIANCE, strict=True
-    ):
+    for name, variance in _IMU_VARIANCES.items():
         getattr(message, f"{name}_covariance")[::4] = variance
     return Stencil(
         message, [("orientation", 4), ("angular_velocity", 3), ("linear_acceleration", 3)]
