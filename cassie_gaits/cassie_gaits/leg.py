@@ -35,7 +35,8 @@ class Leg(Record):
         zeros: Zeros of the joints. In rad.
         masses: Masses of the links with all parts that move with them. In kg.
         moments: Mass times centre of mass in the link's frame. In kg m.
-        swing: Derivative of the tarsus's moment with respect to the heel spring's angle. In kg m.
+        heel_moment_gradient: Derivative of the tarsus's moment with respect to the heel spring's
+            angle. In kg m.
         sole: Middle of the sole's centre line in the toe link. In m.
         shin_stiffness, heel_stiffness: Stiffness of the leaf springs. In Nm/rad.
     """
@@ -45,7 +46,7 @@ class Leg(Record):
     zeros: FloatArray = array(7)
     masses: FloatArray = array(7)
     moments: FloatArray = array(7, 3)
-    swing: FloatArray = array(3)
+    heel_moment_gradient: FloatArray = array(3)
     sole: FloatArray = array(3)
     shin_stiffness: float
     heel_stiffness: float
@@ -121,7 +122,15 @@ def _store(vector: Vector, out: FloatArray) -> None:
 
 @compiled
 def next_link(motion: Motion, leg: Chain, i: int, joint: float, rate: float) -> Motion:
-    """Motion of link i, from the motion of its parent; joint and rate in rad and rad/s."""
+    """Motion of a link, from the motion of its parent.
+
+    Args:
+        motion: Motion of the parent.
+        leg: Positions and rotations of the links' frames, and zeros of the joints.
+        i: Index of the link.
+        joint: Angle of its joint. In rad.
+        rate: Rate of its joint. In rad/s.
+    """
     axes, origin, velocity, omega = motion
     arm, fixed = into(axes, leg.positions[i]), leg.rotations[i]
     x, y = into(axes, fixed[:, 0]), into(axes, fixed[:, 1])
@@ -151,7 +160,7 @@ def leg_kinematics(
     """
     motion = (UPRIGHT, ZERO, ZERO, ZERO)
     moment, rate = ZERO, ZERO
-    shin = tarsus = swing = ZERO
+    shin = tarsus = by_heel = ZERO
     for i in range(7):
         motion = next_link(motion, leg, i, joints[i], rates[i])
         axes, origin, velocity, omega = motion
@@ -163,14 +172,14 @@ def leg_kinematics(
         if i == 4:
             shin = own
         elif i == 5:
-            tarsus, swing = own, into(axes, leg.swing)
+            tarsus, by_heel = own, into(axes, leg.heel_moment_gradient)
     _store(moment, state.com_moment)
     _store(rate, state.com_rate)
     _place_foot(motion, leg, state)
     axes, _, velocity, omega = motion
     _store(plus(velocity, cross(omega, into(axes, leg.sole))), state.foot_velocity)
     _deflect_springs(joints, loop, state)
-    _hang_lower_leg(shin, tarsus, swing, leg, state)
+    _store_lower_leg_gradients(shin, tarsus, by_heel, leg, state)
 
 
 @compiled
@@ -195,17 +204,26 @@ def _deflect_springs(joints: FloatArray, loop: HeelLoop, state: LegState) -> Non
 
 
 @compiled
-def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Leg, state: LegState) -> None:
-    """Write `LegState.lower_leg`; the foot counts as a mass at the toe joint."""
+def _store_lower_leg_gradients(
+    shin: Vector, tarsus: Vector, by_heel: Vector, leg: Leg, state: LegState
+) -> None:
+    """Write `LegState.lower_leg`; the foot counts as a mass at the toe joint.
+
+    Args:
+        shin, tarsus: Moments of these links about their own origins, pelvis frame. In kg m.
+        by_heel: `Leg.heel_moment_gradient` in the pelvis frame.
+        leg: Parameters of the leg.
+        state: Result; has the origins, the axes and the heel spring's derivatives.
+    """
     span = minus(state.origins[6], state.origins[5])
     about_tarsus = plus(tarsus, times(leg.masses[6], span))
     span = minus(state.origins[5], state.origins[4])
     carried = plus(about_tarsus, times(leg.masses[5] + leg.masses[6], span))
     about_shin = plus(shin, carried)
     turning = cross(state.axes[4], about_shin)
-    _store(plus(turning, times(state.heel_gradient[0], swing)), state.lower_leg[0])
+    _store(plus(turning, times(state.heel_gradient[0], by_heel)), state.lower_leg[0])
     turning = cross(state.axes[5], about_tarsus)
-    _store(plus(turning, times(state.heel_gradient[1], swing)), state.lower_leg[1])
+    _store(plus(turning, times(state.heel_gradient[1], by_heel)), state.lower_leg[1])
 
 
 @compiled
@@ -362,4 +380,5 @@ def _add_achilles_rod(leg: Leg, links: dict[str, robot.Link], *, mirrored: bool)
     axes, far = link_rotation(heel), rod.mass * rod.com[0] / closure.length
     _add_mass(leg, "hip_pitch", rod.mass - far, np.array(rod.position))
     _add_mass(leg, "tarsus", far, heel.position + axes @ pin)
-    leg.swing = np.cross(axes[:, 2], axes @ (far * pin + heel.mass * np.array(heel.com)))
+    heel_moment = axes @ (far * pin + heel.mass * np.array(heel.com))
+    leg.heel_moment_gradient = np.cross(axes[:, 2], heel_moment)
