@@ -93,7 +93,14 @@ def complete_state(state: RobotState, legs: LegPair, body: Body, rotation: Float
 
 @compiled
 def _compute_com(state: RobotState, legs: LegPair, body: Body, rotation: FloatArray) -> None:
-    """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame."""
+    """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame.
+
+    Args:
+        state: Has position, velocity, angular velocity and Euler angles; gets the CoM.
+        legs: Kinematics of both legs.
+        body: Data of the robot.
+        rotation: Pelvis to world. Shape (3, 3).
+    """
     left, right, mass = legs.states[0], legs.states[1], body.mass
     moment = plus(plus(body.pelvis_moment, left.com_moment), right.com_moment)
     com = (moment[0] / mass, moment[1] / mass, moment[2] / mass)
@@ -178,6 +185,9 @@ def _scale_forces(
         springs: Vertical forces by the nominal stiffness of the springs. Shape (2,), in N.
         specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
         forces: Result. Shape (2,), in N.
+
+    Source:
+        Newton's law along the vertical, averaged over a step; the integral is this project's.
     """
     period, mass, up = body.period, body.mass, body.attitude[2]
     spring_force, apparent_weight = springs[0] + springs[1], 0.0

@@ -130,7 +130,17 @@ def _update_variances(velocity_filter: VelocityFilter, gain: float, period: floa
 def _velocity_by_legs(
     omega: FloatArray, load: FloatArray, total_load: float, legs: LegPair
 ) -> Vector:
-    """Pelvis velocity, in the pelvis frame, at which the loaded feet stand still."""
+    """Pelvis velocity at which the loaded feet stand still.
+
+    Args:
+        omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
+        load: Load of each foot, 0..1. Shape (2,).
+        total_load: Sum of the loads, more than 0.
+        legs: Kinematics of both legs.
+
+    Returns:
+        In the pelvis frame, in m/s.
+    """
     velocity = (0.0, 0.0, 0.0)
     for i in range(2):
         leg = legs.states[i]
@@ -143,7 +153,14 @@ def _velocity_by_legs(
 def _height_by_legs(
     rotation: FloatArray, load: FloatArray, total_load: float, legs: LegPair
 ) -> float:
-    """Pelvis height at which the loaded feet are on the ground."""
+    """Pelvis height at which the loaded feet are on level ground of height 0. In m.
+
+    Args:
+        rotation: Pelvis to world. Shape (3, 3).
+        load: Load of each foot, 0..1. Shape (2,).
+        total_load: Sum of the loads, more than 0.
+        legs: Kinematics of both legs.
+    """
     height = 0.0
     for i in range(2):
         foot_height = turned(rotation, legs.states[i].foot)[2]

@@ -226,8 +226,8 @@ def _check_jumps(
         position, velocity: Values of this tick, in range. In rad and rad/s.
 
     Returns:
-        Steps of position and velocity over this tick; that of a jump is replaced by the other one.
-        In rad.
+        Steps of position and velocity over this tick; the step of a channel that jumps is replaced
+        by its partner's. In rad.
     """
     dt, last = limits.period, pair.last_velocities
     position_step = position - pair.last_position
@@ -259,6 +259,12 @@ def _velocity_confirms(
 
     The velocity filter's response decides between two hypotheses: the joint made this step, or it
     repeated the previous step.
+
+    Args:
+        pair: State of the pair.
+        limits: Its limits.
+        position_step: Step of the position over this tick. In rad.
+        velocity_step: Integral of the velocity over this tick. In rad.
     """
     expected = limits.response[0] * position_step  # value of `velocity_step` if the joint made it
     for k in range(1, limits.response_ticks):

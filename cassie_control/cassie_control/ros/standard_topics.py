@@ -40,7 +40,13 @@ class StandardTopics:
         self._transforms = Transforms(node, control_rate)
 
     def publish(self, seq: int, sample: Sensors, state: RobotState) -> None:
-        """Publish the messages that are due at this tick, if they have subscribers."""
+        """Publish the messages that are due at this tick, if they have subscribers.
+
+        Args:
+            seq: Control tick.
+            sample: Sample of this tick.
+            state: State of this tick.
+        """
         self._transforms.publish(seq, state)
         if seq % self._period != self._offset:
             return
@@ -75,7 +81,11 @@ class StandardTopics:
 
 
 def quaternion_of(yaw: float, pitch: float, roll: float) -> tuple[float, float, float, float]:
-    """Quaternion x, y, z, w of z-y-x Euler angles, in rad."""
+    """Quaternion x, y, z, w of z-y-x Euler angles.
+
+    Args:
+        yaw, pitch, roll: Angles. In rad.
+    """
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)

@@ -143,7 +143,13 @@ def _cost(at: dict[str, ca.SX], limits: Limits) -> ca.SX:
 
 
 def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
-    """Block of distances and, unless `lean`, joint stops over the whole step."""
+    """Block of distances and joint stops over the whole step.
+
+    Args:
+        limits: Bounds.
+        place: Matrix from all unknowns to those of this step.
+        lean: Whether to omit the joint stops.
+    """
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     at = posture(y, by_name["slope"])
@@ -185,7 +191,14 @@ def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
 
 
 def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block:
-    """Height of the swing foot: at mid-step at least the clearance, otherwise above the ground."""
+    """Block of the swing foot's height.
+
+    Args:
+        limits: Bounds.
+        place: Matrix from all unknowns to those of this step.
+        middle: True for a height of at least the clearance at mid-step, false for a foot above the
+            ground during the step.
+    """
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     slope = by_name["slope"]

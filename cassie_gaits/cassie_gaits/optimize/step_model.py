@@ -70,7 +70,13 @@ def instant() -> Instant:
 
 
 def foot_state(omega: ca.SX, alpha: ca.SX, accel: ca.SX) -> State:
-    """The right toe link at the toe joint, from its sole's motion in level foot axes."""
+    """Motion of the right toe link at the toe joint, from the motion of its sole.
+
+    Args:
+        omega: Angular velocity, level foot axes. Shape (3, 1), in rad/s.
+        alpha: Angular acceleration, level foot axes. Shape (3, 1), in rad/s^2.
+        accel: Acceleration of the sole, level foot axes. Shape (3, 1), in m/s^2.
+    """
     turn, sole = ca.DM(foot_frame()), ca.DM(_SOLE)
     state = State(ca.mtimes(turn, omega), ca.mtimes(turn, alpha), ca.mtimes(turn, accel))
     state.accel = state.point(-sole)
