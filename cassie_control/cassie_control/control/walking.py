@@ -49,7 +49,7 @@ from cassie_control.planner.timing import (
     advance,
     end_step,
 )
-from cassie_gaits import robot
+from cassie_gaits import robot as model
 from cassie_gaits.compiled import compiled
 from cassie_gaits.gait_grid import read_row
 from cassie_gaits.gait_library import GaitLibrary, gait_in_stance
@@ -231,7 +231,7 @@ class WalkingController:
         """
         state, readings = RobotState(), Readings()
         state.q[2] = state.com_position[2] = 0.9
-        state.q[6:] = (0.0, 0.0, 0.5, -1.2, 0.0, robot.NEUTRAL_TARSUS + 1.2, -1.6) * 2
+        state.q[6:] = (0.0, 0.0, 0.5, -1.2, 0.0, model.NEUTRAL_TARSUS + 1.2, -1.6) * 2
         readings.update(state)
         self.start(readings, LEFT)
         self.step(readings, Mode(), MotorCommand())

@@ -276,14 +276,13 @@ def _step(
     outputs, passive = grid.split(unknowns)
     if request.symmetric:
         asymmetry = 0.0
-    count = 2 * TORQUE_DEGREE
+    count, duration = 2 * TORQUE_DEGREE, request.step_time
     phases = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
     samples = []
     for phase in phases:
         y, y1, y2 = (grid.coordinates_at(float(phase), 2) @ unknowns).reshape(3, -1)
-        time = request.step_time
         torque = _torques()(
-            *(y, y1 / time, y2 / time**2, request.slope, asymmetry, request.payload)
+            *(y, y1 / duration, y2 / duration**2, request.slope, asymmetry, request.payload)
         )
         samples.append(np.array(torque, dtype=np.float64).ravel())
     basis = np.array([grid.bernstein(TORQUE_DEGREE, float(phase)) for phase in phases])
