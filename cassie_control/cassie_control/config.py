@@ -446,8 +446,9 @@ class WalkConfig:
         """The parameters that count: under the paper's law those of its omissions are 0."""
         if not self.as_in_paper:
             return self
-        left_out = "clearance", "bounce_damping", "thigh_angle", "thigh_rate", "slope_time"
-        return replace(self, **dict.fromkeys(left_out, 0.0))
+        return replace(
+            self, clearance=0.0, bounce_damping=0.0, thigh_angle=0.0, thigh_rate=0.0, slope_time=0.0
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

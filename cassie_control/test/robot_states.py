@@ -6,7 +6,7 @@ import numpy as np
 
 from cassie_control.control.robot import Readings, set_tilt
 from cassie_gaits import robot, virtual_leg
-from cassie_gaits.leg import LegPair
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
 from cassie_gaits.robot import WEIGHT
 from cassie_gaits.vectors import turned
@@ -50,11 +50,12 @@ def state_of(
     set_tilt(pitch, roll, tilt)
     moment, feet = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
     pair = LegPair()
-    pair.update(np.array([left, right]), np.zeros((2, 7)), np.zeros(2), np.array([0.0, 0.0, 1.0]))
+    joints, up = np.array([left, right]), np.array([0.0, 0.0, 1.0])
+    both_legs(joints, np.zeros((2, 7)), np.zeros(2), up, pair.records[0])
     for leg in pair.states:
         moment += leg["com_moment"]
         feet += 0.5 * leg["foot"]
-    state.com_position[:] = turned(tilt, moment / robot.total_mass() - feet)
+    state.com_position[:] = turned(tilt, moment / robot.MASS - feet)
     state.foot_force[:] = forces
     state.foot_load[:] = np.clip((np.array(forces) - 100.0) / 100.0, 0.0, 1.0)
     state.contact_probability[:] = np.array(forces) > 60.0
@@ -152,7 +153,7 @@ def put(readings: Readings, **figures: tuple[float, ...]) -> None:
         readings.records[0][name] = values
 
 
-def put_ankle(readings: Readings, leg: int, ankle: tuple[float, float, float]) -> None:
+def put_toe_joint(readings: Readings, leg: int, toe_joint: tuple[float, float, float]) -> None:
     """The same for the place of a leg's toe joint. In m."""
-    readings.legs[leg].ankle = ankle
-    readings.records[0]["ankle"][leg] = ankle
+    readings.legs[leg].toe_joint = toe_joint
+    readings.records[0]["toe_joint"][leg] = toe_joint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from robot_states import leg_joints, put, put_ankle, random_state, readings_of, state_of
+from robot_states import leg_joints, put, put_toe_joint, random_state, readings_of, state_of
 
 from cassie_control.planner.momentum import make_masses, momentum_about_pelvis, momentum_velocity
 from cassie_gaits.dynamics import RIGID, Dynamics, rigid_pose
@@ -42,6 +42,6 @@ def test_it_says_the_same_about_any_foot_while_the_mass_does_not_rise():
     put(readings, com_velocity=(vx, vy, 0.0))
     masses = make_masses()
     left, right = readings.legs
-    put_ankle(readings, 1, (right.ankle[0], right.ankle[1], left.ankle[2]))
+    put_toe_joint(readings, 1, (right.toe_joint[0], right.toe_joint[1], left.toe_joint[2]))
     by_left, by_right = (momentum_velocity(readings.records, stance, masses) for stance in (0, 1))
     assert by_left == pytest.approx(by_right)

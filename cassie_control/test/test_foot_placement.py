@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 from placements import StepAhead, make_placement, swing_target
-from robot_states import leg_joints, put, put_ankle, readings_of, state_of
+from robot_states import leg_joints, put, put_toe_joint, readings_of, state_of
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import HIP_DOWN, HIP_X, HIP_Y
@@ -57,8 +57,8 @@ class Pendulum:
         self.coast = config.double_support
         self.readings = pose()
         self.stance = LEFT
-        ankle = self.readings.legs[LEFT].ankle
-        self.w = math.sqrt(GRAVITY / (self.readings.com[2] - ankle[2]))
+        toe_joint = self.readings.legs[LEFT].toe_joint
+        self.w = math.sqrt(GRAVITY / (self.readings.com[2] - toe_joint[2]))
         self.position = [-0.5 * commanded.vx * STEP_TIME, -0.12]
         self.velocity = list(velocity)
 
@@ -79,8 +79,8 @@ class Pendulum:
         readings = self.readings
         stance, swing = readings.legs[self.stance], readings.legs[1 - self.stance]
         moving(readings, *self.velocity)
-        ankle = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
-        put_ankle(readings, self.stance, (ankle[0], ankle[1], stance.ankle[2]))
+        toe_joint = tuple(c - p for c, p in zip(readings.com, (*self.position, 0.0), strict=True))
+        put_toe_joint(readings, self.stance, (toe_joint[0], toe_joint[1], stance.toe_joint[2]))
         ahead = StepAhead(STEP_TIME, step_time=GAIT_TIME, landing_length=LENGTH)
         end = swing_target(self.law, readings, self.stance, self.commanded, ahead)
         foot = foot_from_com(readings, swing, end)
@@ -223,7 +223,7 @@ def test_feet_are_never_set_closer_than_permitted(law, swing, vy, trim):
     commanded = Commanded(roll_trim=trim)
     end = swing_target(make_placement(config), readings, 1 - swing, commanded, ahead)
     foot = readings.com[1] + foot_from_com(readings, swing_leg, end)[1]
-    apart = swing_leg.side * (foot - stance_leg.ankle[1])
+    apart = swing_leg.side * (foot - stance_leg.toe_joint[1])
     clamped = abs(end.roll) > 0.399
     assert apart > CONFIG.least_foot_distance - 1e-9 or clamped
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from closed_loop import Robot
-from robot_states import leg_joints, put_ankle, readings_of, state_of
+from robot_states import leg_joints, put_toe_joint, readings_of, state_of
 from walkers import CONFIG
 
 from cassie_control.planner.terrain import (
@@ -67,8 +67,8 @@ def test_no_slope_is_believed_beyond_its_bound():
 def test_the_heights_of_both_feet_give_the_slope_to_the_side(side):
     slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for leg in range(2):
-        x, y, _ = readings.legs[leg].ankle
-        put_ankle(readings, leg, (x, y, -0.8 + side * y))
+        x, y, _ = readings.legs[leg].toe_joint
+        put_toe_joint(readings, leg, (x, y, -0.8 + side * y))
     for step in range(60):
         update_at_touchdown(slope.records, readings.records, step % 2)
     assert slope.left == pytest.approx(side, abs=1e-3)
@@ -80,7 +80,7 @@ def test_walking_begins_with_the_side_slope_on_which_both_feet_stand(lifted, lef
     forces = (330.0, 0.0 if lifted else 330.0)
     readings = readings_of(state_of(leg_joints(), leg_joints(), forces=forces))
     for leg, y in ((LEFT, 0.15), (RIGHT, -0.15)):
-        put_ankle(readings, leg, (0.0, y, -0.8 + 0.2 * y))
+        put_toe_joint(readings, leg, (0.0, y, -0.8 + 0.2 * y))
     slope = GroundSlope(CONFIG, PERIOD)
     initialize_slope(slope.records, readings.records)
     assert slope.left == pytest.approx(left, abs=0.03)
@@ -92,8 +92,8 @@ def test_risers_that_one_foot_always_climbs_are_no_slope_to_the_side():
     for step in range(10):
         new = (RIGHT, LEFT)[step % 2]
         x, y, z = ((0.33, -0.25, 0.1), (-0.1, 0.35, 0.0))[step % 2]
-        put_ankle(readings, 1 - new, (0.0, 0.0, -0.8))
-        put_ankle(readings, new, (x, y, z - 0.8))
+        put_toe_joint(readings, 1 - new, (0.0, 0.0, -0.8))
+        put_toe_joint(readings, new, (x, y, z - 0.8))
         update_at_touchdown(slope.records, readings.records, new)
         assert abs(slope.left) < 0.1
 
@@ -104,8 +104,8 @@ def test_a_foot_that_comes_back_up_from_a_step_down_has_not_stepped_up(before, h
     slope, readings = GroundSlope(CONFIG, PERIOD), readings_of(state_of(leg_joints(), leg_joints()))
     for new, height in ((LEFT, before), (RIGHT, 0.1)):
         slope.ahead = slope.left = 0.0
-        put_ankle(readings, 1 - new, (0.0, 0.0, -0.8))
-        put_ankle(readings, new, (0.0, 0.0, height - 0.8))
+        put_toe_joint(readings, 1 - new, (0.0, 0.0, -0.8))
+        put_toe_joint(readings, new, (0.0, 0.0, height - 0.8))
         update_at_touchdown(slope.records, readings.records, new)
     assert step_up_height(slope.records[0]) == pytest.approx(higher)
 
@@ -124,7 +124,7 @@ def step_on(slope, shown, found):
         pass
     readings = readings_of(state_of(leg_joints(), leg_joints()))
     for leg, x, z in ((RIGHT, 0.1, -0.8 + 0.2 * found), (LEFT, -0.1, -0.8)):
-        put_ankle(readings, leg, (x, 0.0, z))
+        put_toe_joint(readings, leg, (x, 0.0, z))
     update_at_touchdown(slope.records, readings.records, RIGHT)
 
 
@@ -174,7 +174,7 @@ def test_a_rise_is_believed_no_longer_where_the_ground_gives_way(rise, least, mo
 def land(slope, readings, new, higher):
     """A foot lands 0.2 m ahead of the other one, and so much higher. In m."""
     for leg, x, z in ((new, 0.1, -0.8 + higher), (1 - new, -0.1, -0.8)):
-        put_ankle(readings, leg, (x, readings.legs[leg].ankle[1], z))
+        put_toe_joint(readings, leg, (x, readings.legs[leg].toe_joint[1], z))
     update_at_touchdown(slope.records, readings.records, new)
 
 

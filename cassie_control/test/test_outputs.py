@@ -35,11 +35,11 @@ def test_lengths_and_swing_angles_are_those_of_forward_kinematics():
     values, _ = outputs_of(state)
     left, right = readings_of(state).legs
     hip = np.array([HIP_X, HIP_Y, HIP_Z])
-    to_toe = left.ankle - hip
+    to_toe = left.toe_joint - hip
     assert values[LENGTH_SW] == pytest.approx(np.linalg.norm(to_toe), abs=2e-4)
     assert values[PITCH_SW] == pytest.approx(math.atan2(to_toe[0], -to_toe[2]), abs=3e-4)
     # The rounded figures of eq:IK put the toe joint 0.2 mm off the plane of the hip.
-    to_toe = right.ankle - hip * (1.0, -1.0, 1.0)
+    to_toe = right.toe_joint - hip * (1.0, -1.0, 1.0)
     assert values[LENGTH_ST] == pytest.approx(np.linalg.norm(to_toe), abs=2e-4)
 
 
@@ -55,8 +55,8 @@ def test_swing_pitch_and_foot_pitch_are_against_the_vertical():
 def test_swing_roll_is_positive_with_the_foot_to_the_left():
     values, _ = outputs_of(state_of(leg_joints(hip_roll=0.1), leg_joints(), roll=0.05))
     assert values[ROLL_SW] == pytest.approx(0.15)
-    moved = readings_of(state_of(leg_joints(hip_roll=0.1), leg_joints())).legs[0].ankle
-    still = readings_of(state_of(leg_joints(), leg_joints())).legs[0].ankle
+    moved = readings_of(state_of(leg_joints(hip_roll=0.1), leg_joints())).legs[0].toe_joint
+    still = readings_of(state_of(leg_joints(), leg_joints())).legs[0].toe_joint
     assert moved[1] > still[1] + 0.05
 
 

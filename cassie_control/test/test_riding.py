@@ -197,8 +197,8 @@ def test_where_bumps_come_fast_legs_differ_until_one_foot_carries_it(higher):
     pendulum = Pendulum()
     balance, readings = pendulum.balance, pendulum.readings
     left, right = readings.legs
-    x, y, z = right.ankle
-    readings.legs = (replace(left, ankle=(x, -y, z + higher)), right)
+    x, y, z = right.toe_joint
+    readings.legs = (replace(left, toe_joint=(x, -y, z + higher)), right)
     balance.left_share = 0.7
     weight = 2.0 * WEIGHT / STAND.leg_stiffness
     bounds = {1.0: 0.7 * weight, 0.01: 0.01, -0.01: -0.01, -1.0: -0.3 * weight}

@@ -19,7 +19,7 @@ from robot_states import (
 
 from cassie_control.config import StandConfig
 from cassie_control.control.balance import Balance
-from cassie_control.control.robot import ANKLE_HEIGHT, HIP_DOWN
+from cassie_control.control.robot import HIP_DOWN, TOE_JOINT_HEIGHT
 from cassie_control.control.standing import StandingController
 from cassie_gaits import virtual_leg
 from cassie_gaits.robot import DRIVES, WEIGHT
@@ -73,7 +73,7 @@ def test_toe_torque_puts_the_centre_of_pressure_under_the_com():
     push = CONFIG.kp_com_x * 0.01 / WEIGHT
     lean = -push / readings.com_from_feet[2]
     for leg, value in zip(readings.legs, torque, strict=True):
-        arm = readings.com[0] + push - leg.ankle[0] + ANKLE_HEIGHT * lean
+        arm = readings.com[0] + push - leg.toe_joint[0] + TOE_JOINT_HEIGHT * lean
         assert value == pytest.approx(-0.5 * WEIGHT * arm, rel=5e-3)
 
 
@@ -131,7 +131,7 @@ def test_the_leg_that_gets_more_weight_is_told_to_be_longer():
 @pytest.mark.parametrize(("height", "sign"), [(0.5, 1.0), (1.2, -1.0)])
 def test_the_sum_of_the_height_error_is_bounded(height, sign):
     mode = mode_of(height=0.8)
-    level = 0.8 - HIP_DOWN - ANKLE_HEIGHT
+    level = 0.8 - HIP_DOWN - TOE_JOINT_HEIGHT
     much_later = np.mean(lengths(stood(both_feet(height=height), mode, ticks=20000)))
     assert much_later == pytest.approx(level + sign * 0.08, abs=2e-3)
 
@@ -176,7 +176,7 @@ def test_the_legs_move_smoothly_to_whatever_height(height):
     rate = np.diff(found) / PERIOD
     assert np.abs(rate).max() <= CONFIG.height_rate * 1.01
     assert np.abs(np.diff(rate)).max() <= CONFIG.height_acceleration * PERIOD * 1.5
-    assert found[-1] == pytest.approx(height - HIP_DOWN - ANKLE_HEIGHT, abs=1e-6)
+    assert found[-1] == pytest.approx(height - HIP_DOWN - TOE_JOINT_HEIGHT, abs=1e-6)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

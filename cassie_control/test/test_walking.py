@@ -17,7 +17,7 @@ from robot_states import (
     mirrored_state,
     mode_of,
     put,
-    put_ankle,
+    put_toe_joint,
     random_state,
     readings_of,
     state_of,
@@ -82,7 +82,7 @@ def on_a_fixed_foot(stance: int, seed: int) -> RobotState:
     moved = RobotState()
     moved.copy_from(state)
     moved.q[:] += period * state.v
-    before, after = (np.array(readings_of(each).legs[stance].ankle) for each in (state, moved))
+    before, after = (np.array(readings_of(each).legs[stance].toe_joint) for each in (state, moved))
     forward, left, up = (before - after) / period
     c, s = np.cos(state.q[3]), np.sin(state.q[3])
     state.v[:3] = c * forward - s * left, s * forward + c * left, up
@@ -160,8 +160,8 @@ def test_after_a_step_up_the_other_foot_swings_higher_by_as_much(stance, law, hi
     def length(height: float) -> float:
         core = walking(stance, config=replace(CONFIG, law=law), period=1e-9)
         readings = readings_of(state_of(leg_joints(), leg_joints()))
-        put_ankle(readings, 1 - stance, (0.0, 0.0, -0.8))
-        put_ankle(readings, stance, (0.3, 0.0, height - 0.8))
+        put_toe_joint(readings, 1 - stance, (0.0, 0.0, -0.8))
+        put_toe_joint(readings, stance, (0.3, 0.0, height - 0.8))
         update_at_touchdown(core._slope.records, readings.records, stance)
         core._slope.foothold_height = core._slope.ahead = 0.0
         core.timing.phase = 0.5

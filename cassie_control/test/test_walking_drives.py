@@ -233,11 +233,11 @@ def test_feed_forward_holds_a_force_from_the_foot_through_the_com(stance):
     readings = readings_of(state)
     core.step(readings, mode_of(), MotorCommand())
     torques = weight_torques(core, readings)
-    foot = np.array(readings.legs[stance].ankle)
+    foot = np.array(readings.legs[stance].toe_joint)
     line = np.array(readings.com) - foot
     force = WEIGHT * line / line[2]
     for joint in range(3):
         state.q[6 + 7 * stance + joint] += 1e-6
-        moved = (np.array(readings_of(state).legs[stance].ankle) - foot) / 1e-6
+        moved = (np.array(readings_of(state).legs[stance].toe_joint) - foot) / 1e-6
         state.q[6 + 7 * stance + joint] -= 1e-6
         assert torques[5 * stance + joint] == pytest.approx(-moved @ force, abs=1e-3)

@@ -19,7 +19,12 @@ class LegLengthError(KinematicsError):
 
     @classmethod
     def outside(cls, length: float, low: float, high: float) -> LegLengthError:
-        """The error for a length outside `low` .. `high` (m)."""
+        """The error for a length outside its range.
+
+        Args:
+            length: The length. In m.
+            low, high: The range. In m.
+        """
         return cls(f"leg length {length:.4f} m is outside {low:.4f} .. {high:.4f} m")
 
 

@@ -25,7 +25,13 @@ def read_row(
     z: float,
     out: FloatArray,
 ) -> None:
-    """Interpolate a row. Arguments are the entries of `GaitGrid.table`, then as `GaitGrid.read`."""
+    """Interpolate a row.
+
+    Args:
+        axes, lengths, rows: Entries of `GaitGrid.table`.
+        x, y, z: Sagittal speed and lateral speed, in m/s, and turning rate, in rad/s.
+        out: Result, a row.
+    """
     at = (x, y, z)
     shares = np.zeros(3)
     first = 0
@@ -83,7 +89,14 @@ class GaitGrid:
         self.table = axes, self._lengths, np.ascontiguousarray(rows[owner.ravel()])
 
     def read(self, x: float, y: float, z: float, out: FloatArray) -> None:
-        """Write the row at a point, all finite, to `out` of shape (m,)."""
+        """Interpolate the row at a point, whose coordinates are finite.
+
+        Args:
+            x: Sagittal speed. In m/s.
+            y: Lateral speed. In m/s.
+            z: Turning rate. In rad/s.
+            out: Result. Shape (m,).
+        """
         read_row(*self.table, x, y, z, out)
 
     def _fill(self, owner: IntArray) -> None:

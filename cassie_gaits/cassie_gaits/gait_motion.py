@@ -18,8 +18,6 @@ from cassie_gaits.gait_library import Gait
 from cassie_gaits.names import LEGS
 from cassie_gaits.records import FloatArray
 
-GRAVITY = 9.81
-
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -65,7 +63,7 @@ class Motion:
     def _transport(self, work: float) -> float:
         if self.distance < 1e-6:
             return float("inf")
-        return work / (robot.total_mass() * GRAVITY * self.distance)
+        return work / (robot.WEIGHT * self.distance)
 
 
 def motion(gait: Gait) -> Motion:

@@ -35,7 +35,8 @@ class Leg(Record):
         zeros: Zeros of the joints. In rad.
         masses: Masses of the links with all parts that move with them. In kg.
         moments: Mass times centre of mass in the link's frame. In kg m.
-        swing: Derivative of the tarsus's moment with respect to the heel spring's angle. In kg m.
+        heel_moment_gradient: Derivative of the tarsus's moment with respect to the heel spring's
+            angle. In kg m.
         sole: Middle of the sole's centre line in the toe link. In m.
         shin_stiffness, heel_stiffness: Stiffness of the leaf springs. In Nm/rad.
     """
@@ -45,7 +46,7 @@ class Leg(Record):
     zeros: FloatArray = array(7)
     masses: FloatArray = array(7)
     moments: FloatArray = array(7, 3)
-    swing: FloatArray = array(3)
+    heel_moment_gradient: FloatArray = array(3)
     sole: FloatArray = array(3)
     shin_stiffness: float
     heel_stiffness: float
@@ -60,8 +61,8 @@ class LegState(Record):
         foot: Middle of the sole's centre line. In m.
         foot_velocity: Velocity of `foot` relative to the pelvis. In m/s.
         foot_rotation: Rotation from toe link to pelvis.
-        ankle: Position of the toe joint. In m.
-        ankle_jacobian: Jacobian of the toe joint's position with respect to the joints. In m/rad.
+        toe_joint: Position of the toe joint. In m.
+        toe_jacobian: Jacobian of the toe joint's position with respect to the joints. In m/rad.
         com_moment: Sum of mass times position over the leg's links. In kg m.
         com_rate: Rate of change of `com_moment` relative to the pelvis. In kg m/s.
         springs: Deflection of shin and heel spring. The heel's is 0 where the achilles rod does not
@@ -76,8 +77,8 @@ class LegState(Record):
     foot: FloatArray = array(3)
     foot_velocity: FloatArray = array(3)
     foot_rotation: FloatArray = array(3, 3)
-    ankle: FloatArray = array(3)
-    ankle_jacobian: FloatArray = array(3, 7)
+    toe_joint: FloatArray = array(3)
+    toe_jacobian: FloatArray = array(3, 7)
     com_moment: FloatArray = array(3)
     com_rate: FloatArray = array(3)
     springs: FloatArray = array(2)
@@ -121,7 +122,15 @@ def _store(vector: Vector, out: FloatArray) -> None:
 
 @compiled
 def next_link(motion: Motion, leg: Chain, i: int, joint: float, rate: float) -> Motion:
-    """Motion of link i, from the motion of its parent; joint and rate in rad and rad/s."""
+    """Motion of a link, from the motion of its parent.
+
+    Args:
+        motion: Motion of the parent.
+        leg: Positions and rotations of the links' frames, and zeros of the joints.
+        i: Index of the link.
+        joint: Angle of its joint. In rad.
+        rate: Rate of its joint. In rad/s.
+    """
     axes, origin, velocity, omega = motion
     arm, fixed = into(axes, leg.positions[i]), leg.rotations[i]
     x, y = into(axes, fixed[:, 0]), into(axes, fixed[:, 1])
@@ -151,7 +160,7 @@ def leg_kinematics(
     """
     motion = (UPRIGHT, ZERO, ZERO, ZERO)
     moment, rate = ZERO, ZERO
-    shin = tarsus = swing = ZERO
+    shin = tarsus = by_heel = ZERO
     for i in range(7):
         motion = next_link(motion, leg, i, joints[i], rates[i])
         axes, origin, velocity, omega = motion
@@ -163,26 +172,26 @@ def leg_kinematics(
         if i == 4:
             shin = own
         elif i == 5:
-            tarsus, swing = own, into(axes, leg.swing)
+            tarsus, by_heel = own, into(axes, leg.heel_moment_gradient)
     _store(moment, state.com_moment)
     _store(rate, state.com_rate)
     _place_foot(motion, leg, state)
     axes, _, velocity, omega = motion
     _store(plus(velocity, cross(omega, into(axes, leg.sole))), state.foot_velocity)
     _deflect_springs(joints, loop, state)
-    _hang_lower_leg(shin, tarsus, swing, leg, state)
+    _store_lower_leg_gradients(shin, tarsus, by_heel, leg, state)
 
 
 @compiled
 def _place_foot(motion: Motion, leg: Leg, state: LegState) -> None:
     axes, origin, _, _ = motion
-    _store(origin, state.ankle)
+    _store(origin, state.toe_joint)
     _store(plus(origin, into(axes, leg.sole)), state.foot)
     for k in range(3):
         _store(axes[k], state.foot_rotation[:, k])
     for i in range(7):
         arm = minus(origin, state.origins[i])
-        _store(cross(state.axes[i], arm), state.ankle_jacobian[:, i])
+        _store(cross(state.axes[i], arm), state.toe_jacobian[:, i])
 
 
 @compiled
@@ -195,17 +204,26 @@ def _deflect_springs(joints: FloatArray, loop: HeelLoop, state: LegState) -> Non
 
 
 @compiled
-def _hang_lower_leg(shin: Vector, tarsus: Vector, swing: Vector, leg: Leg, state: LegState) -> None:
-    """Write `LegState.lower_leg`; the foot counts as a mass at the toe joint."""
+def _store_lower_leg_gradients(
+    shin: Vector, tarsus: Vector, by_heel: Vector, leg: Leg, state: LegState
+) -> None:
+    """Write `LegState.lower_leg`; the foot counts as a mass at the toe joint.
+
+    Args:
+        shin, tarsus: Moments of these links about their own origins, pelvis frame. In kg m.
+        by_heel: `Leg.heel_moment_gradient` in the pelvis frame.
+        leg: Parameters of the leg.
+        state: Result; has the origins, the axes and the heel spring's derivatives.
+    """
     span = minus(state.origins[6], state.origins[5])
     about_tarsus = plus(tarsus, times(leg.masses[6], span))
     span = minus(state.origins[5], state.origins[4])
     carried = plus(about_tarsus, times(leg.masses[5] + leg.masses[6], span))
     about_shin = plus(shin, carried)
     turning = cross(state.axes[4], about_shin)
-    _store(plus(turning, times(state.heel_gradient[0], swing)), state.lower_leg[0])
+    _store(plus(turning, times(state.heel_gradient[0], by_heel)), state.lower_leg[0])
     turning = cross(state.axes[5], about_tarsus)
-    _store(plus(turning, times(state.heel_gradient[1], swing)), state.lower_leg[1])
+    _store(plus(turning, times(state.heel_gradient[1], by_heel)), state.lower_leg[1])
 
 
 @compiled
@@ -241,7 +259,7 @@ def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -
     shin += toe_torque + robot.GRAVITY * dot(up, state.lower_leg[0])
     tarsus = heel * state.heel_gradient[1] + toe_torque
     tarsus += robot.GRAVITY * dot(up, state.lower_leg[1])
-    by_shin, by_tarsus = state.ankle_jacobian[:, 4], state.ankle_jacobian[:, 5]
+    by_shin, by_tarsus = state.toe_jacobian[:, 4], state.toe_jacobian[:, 5]
     aa, ab = dot(by_shin, by_shin), dot(by_shin, by_tarsus)
     bb = dot(by_tarsus, by_tarsus)
     determinant = aa * bb - ab * ab
@@ -256,17 +274,17 @@ def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -
 def both_legs(
     joints: FloatArray,
     rates: FloatArray,
-    toe_torques: FloatArray | tuple[float, float],
+    toe_torques: FloatArray,
     up: VectorLike,
     pair: LegPair,
 ) -> None:
-    """Compute kinematics and spring force of both legs.
+    """Compute kinematics and spring force (see `spring_force`) of both legs.
 
     Args:
         joints: Joint angles. Shape (2, 7), in rad.
         rates: Joint rates. Shape (2, 7), in rad/s.
-        toe_torques: Torques of the two toe drives, in Nm.
-        up: Unit vector against gravity in the pelvis frame.
+        toe_torques: Torques of the two toe drives at the joint. Shape (2,), in Nm.
+        up: Unit vector against gravity in the pelvis frame. Shape (3,).
         pair: Both legs; gets states and forces.
     """
     for i in range(2):
@@ -281,7 +299,8 @@ def place_legs(joints: FloatArray, pair: LegPair) -> None:
 
     Args:
         joints: Joint angles. Shape (2, 7), in rad.
-        pair: Both legs; gets `axes`, `origins`, `foot`, `foot_rotation`, `ankle` and its Jacobian.
+        pair: Both legs; gets `axes`, `origins`, `foot`, `foot_rotation`, `toe_joint` and
+            `toe_jacobian`.
     """
     for i in range(2):
         leg, state = pair.legs[i], pair.states[i]
@@ -291,18 +310,6 @@ def place_legs(joints: FloatArray, pair: LegPair) -> None:
             _store(motion[0][2], state.axes[k])
             _store(motion[1], state.origins[k])
         _place_foot(motion, leg, state)
-
-
-@compiled
-def update_pair(
-    joints: FloatArray,
-    rates: FloatArray,
-    toe_torques: FloatArray,
-    up: FloatArray,
-    pairs: Records[LegPair],
-) -> None:
-    """`both_legs` with the pair in an array of shape (1,)."""
-    both_legs(joints, rates, toe_torques, up, pairs[0])
 
 
 class LegPair(Record):
@@ -324,19 +331,6 @@ class LegPair(Record):
         super().__init__()
         self.records["legs"][0] = np.concatenate([_leg(name).records for name in LEGS])
         self.records["loop"] = heel_loop().records
-
-    def update(
-        self, joints: FloatArray, rates: FloatArray, toe_torques: FloatArray, up: FloatArray
-    ) -> None:
-        """Compute kinematics and forces (see `spring_force`) at a measured pose.
-
-        Args:
-            joints: Joint angles. Shape (2, 7), in rad.
-            rates: Joint rates. Shape (2, 7), in rad/s.
-            toe_torques: Torques of the toe drives at the joint. Shape (2,), in Nm.
-            up: Unit vector against gravity in the pelvis frame. Shape (3,).
-        """
-        update_pair(joints, rates, toe_torques, up, self.records)
 
 
 def _leg(name: str) -> Leg:
@@ -386,4 +380,5 @@ def _add_achilles_rod(leg: Leg, links: dict[str, robot.Link], *, mirrored: bool)
     axes, far = link_rotation(heel), rod.mass * rod.com[0] / closure.length
     _add_mass(leg, "hip_pitch", rod.mass - far, np.array(rod.position))
     _add_mass(leg, "tarsus", far, heel.position + axes @ pin)
-    leg.swing = np.cross(axes[:, 2], axes @ (far * pin + heel.mass * np.array(heel.com)))
+    heel_moment = axes @ (far * pin + heel.mass * np.array(heel.com))
+    leg.heel_moment_gradient = np.cross(axes[:, 2], heel_moment)

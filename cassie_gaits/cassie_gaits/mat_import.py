@@ -147,11 +147,7 @@ def _alpha(content: MatContent, stance: str) -> FloatArray:
 
 def _stops(leg: str, joint: str) -> tuple[float, float]:
     """Stops of a joint, with the margin."""
-    low, high = next(
-        link.joint.limits
-        for link in robot.leg_links(leg)
-        if link.name == joint and link.joint.limits is not None
-    )
+    low, high = robot.stops(leg)[joint]
     return low - BEYOND_STOPS, high + BEYOND_STOPS
 
 

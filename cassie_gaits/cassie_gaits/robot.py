@@ -25,15 +25,19 @@ __all__ = [
     "DRIVE_VELOCITY_FILTER",
     "ENCODER_RATE",
     "FOOT_CONTACTS",
+    "GRAVITY",
     "IMU_POSITION",
     "JOINT_ENCODER_BITS",
     "JOINT_VELOCITY_FILTER",
+    "KNEE_STOPS",
     "LEFT_LEG",
+    "MASS",
     "NEUTRAL_TARSUS",
     "PELVIS",
     "PELVIS_BALL",
     "RODS",
     "SOLE_RADIUS",
+    "WEIGHT",
     "Drive",
     "Joint",
     "Link",
@@ -42,8 +46,8 @@ __all__ = [
     "leg_links",
     "mirror_vector",
     "mirrored",
+    "stops",
     "symmetric_pelvis",
-    "total_mass",
 ]
 
 NEUTRAL_TARSUS = math.radians(13.0)
@@ -255,6 +259,23 @@ def leg_links(leg: str) -> tuple[Link, ...]:
     return LEFT_LEG if leg == "left" else tuple(mirrored(link) for link in LEFT_LEG)
 
 
+def stops(leg: str) -> dict[str, tuple[float, float]]:
+    """Lower and upper stop of each joint of "left" or "right" leg that has stops. In rad."""
+    joints = {link.name: link.joint.limits for link in leg_links(leg)}
+    return {name: limits for name, limits in joints.items() if limits is not None}
+
+
+def _knee_stops() -> tuple[float, float]:
+    joints = stops("left")
+    (low, high), (tarsus_low, tarsus_high) = joints["knee"], joints["tarsus"]
+    return max(low, NEUTRAL_TARSUS - tarsus_high), min(high, NEUTRAL_TARSUS - tarsus_low)
+
+
+KNEE_STOPS = _knee_stops()
+"""Stops of either knee with relaxed springs: those of the knee and, as the knee then turns the
+tarsus, those of the tarsus. In rad."""
+
+
 def symmetric_pelvis() -> Link:
     """The pelvis without its asymmetry of 0.35 mm and 5e-4 kg m^2."""
     ixx, iyy, izz, _, ixz, _ = PELVIS.inertia
@@ -262,13 +283,11 @@ def symmetric_pelvis() -> Link:
     return replace(PELVIS, com=com, inertia=(ixx, iyy, izz, 0.0, ixz, 0.0))
 
 
-def total_mass() -> float:
-    """Mass of the robot. In kg."""
-    return PELVIS.mass + 2.0 * sum(link.mass for link in LEFT_LEG)
-
+MASS = PELVIS.mass + 2.0 * sum(link.mass for link in LEFT_LEG)
+"""Mass of the robot. In kg."""
 
 GRAVITY = 9.81
 """Gravity. In m/s^2."""
 
-WEIGHT = total_mass() * GRAVITY
+WEIGHT = MASS * GRAVITY
 """Weight of the robot. In N."""

@@ -16,7 +16,7 @@ from numba.core.registry import CPUDispatcher
 
 import cassie_gaits
 from cassie_gaits.compiled import compiled
-from cassie_gaits.leg import LegPair
+from cassie_gaits.leg import LegPair, both_legs
 
 
 def compiled_functions() -> Iterator[tuple[str, CPUDispatcher]]:
@@ -74,13 +74,14 @@ def test_kept_machine_code_is_loaded_before_the_first_call():
     """In a process of its own, where nothing has called the function yet."""
     code = (
         "from cassie_gaits.compiled import load_kept\n"
-        "from cassie_gaits.leg import both_legs, update_pair\n"
-        "assert not update_pair.signatures\n"
+        "from cassie_gaits.leg import both_legs\n"
+        "assert not both_legs.signatures\n"
         "load_kept('cassie_gaits.linkage')\n"
-        "assert not update_pair.signatures\n"
+        "assert not both_legs.signatures\n"
         "load_kept('cassie_gaits.leg')\n"
-        "assert update_pair.signatures\n"
-        "assert not update_pair.stats.cache_misses\n"
+        "assert both_legs.signatures\n"
+        "assert not both_legs.stats.cache_misses\n"
     )
-    LegPair().update(np.zeros((2, 7)), np.zeros((2, 7)), np.zeros(2), np.array([0.0, 0.0, 1.0]))
+    joints, up = np.zeros((2, 7)), np.array([0.0, 0.0, 1.0])
+    both_legs(joints, joints, np.zeros(2), up, LegPair().records[0])
     subprocess.run([sys.executable, "-c", code], check=True)

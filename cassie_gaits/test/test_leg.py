@@ -9,7 +9,7 @@ import pytest
 
 from cassie_gaits import robot
 from cassie_gaits.dynamics import Dynamics
-from cassie_gaits.leg import LegPair, spring_force
+from cassie_gaits.leg import LegPair, both_legs, spring_force
 from cassie_gaits.linkage import heel_angle_and_slopes
 from cassie_gaits.names import COORDINATES, LEGS
 
@@ -41,7 +41,7 @@ def random_pose(seed: int, leg: str) -> tuple[np.ndarray, list[int]]:
 def pair_at(joints: np.ndarray, up: np.ndarray = UP) -> LegPair:
     """Both legs at the same angles."""
     pair = LegPair()
-    pair.update(np.tile(joints, (2, 1)), np.zeros((2, 7)), np.zeros(2), up)
+    both_legs(np.tile(joints, (2, 1)), np.zeros((2, 7)), np.zeros(2), up, pair.records[0])
     return pair
 
 
@@ -125,7 +125,7 @@ def test_force_stays_finite_wherever_the_joints_go():
     pair, rng = LegPair(), np.random.default_rng(0)
     for _ in range(1000):
         joints = rng.uniform(-3.5, 3.5, (2, 7))
-        pair.update(joints, np.zeros((2, 7)), np.zeros(2), UP)
+        both_legs(joints, np.zeros((2, 7)), np.zeros(2), UP, pair.records[0])
         assert np.isfinite(pair.forces).all()
         for i, state in enumerate(pair.states):
             assert np.isfinite(force_of(pair, i)).all()
@@ -139,7 +139,7 @@ def test_the_force_against_gravity_is_that_of_each_leg():
         [bent(0.1, -0.1, 0.0, 0.0, -0.03, 0.02, 0.1), bent(0.0, 0.1, 0.2, 0.0, -0.02, 0.0, 0.0)]
     )
     torques, up = np.array([3.0, -2.0]), np.array([0.1, -0.05, math.sqrt(1.0 - 0.0125)])
-    pair.update(joints, rates, torques, up)
+    both_legs(joints, rates, torques, up, pair.records[0])
     for i in range(2):
         force = np.dot(up, force_of(pair, i, torques[i], up))
         assert pair.forces[i] == pytest.approx(force, abs=1e-9)

@@ -51,18 +51,18 @@ def test_values_and_derivatives_are_those_of_the_program(symmetric):
     rng = np.random.default_rng(2)
     x = program.guess() + rng.uniform(-0.02, 0.02, program.unknowns)
     p = np.array([0.5, 0.1, 0.2, 0.4, 0.15, 0.05, 4.0, 1.0])
-    prices = rng.normal(size=len(program.lower))
+    multipliers = rng.normal(size=len(program.lower))
     found = program.evaluation.values(x, p)
     cost, rows = program.values(x, p)
     derivatives = program.derivatives
-    slope, jacobian = derivatives["grad_f"](x, p)[1], derivatives["jac_g"](x, p)[1]
-    upper = np.array(derivatives["hess_lag"](x, p, 1.0, prices))
+    gradient, jacobian = derivatives["grad_f"](x, p)[1], derivatives["jac_g"](x, p)[1]
+    upper = np.array(derivatives["hess_lag"](x, p, 1.0, multipliers))
     hessian = np.triu(upper) + np.triu(upper, 1).T
     assert found.cost == pytest.approx(float(cost), rel=1e-12)
     np.testing.assert_allclose(found.rows, np.array(rows).ravel(), atol=1e-10)
-    np.testing.assert_allclose(found.cost_slope, np.array(slope).ravel(), atol=1e-8)
+    np.testing.assert_allclose(found.cost_gradient, np.array(gradient).ravel(), atol=1e-8)
     np.testing.assert_allclose(found.jacobian, np.array(jacobian), atol=1e-8)
-    own = program.evaluation.hessian(x, p, prices)
+    own = program.evaluation.hessian(x, p, multipliers)
     np.testing.assert_allclose(own, hessian, atol=1e-7 * np.abs(hessian).max())
 
 
@@ -75,18 +75,18 @@ def test_from_a_neighbour_it_goes_to_the_optimum_of_ipopt():
     wanted = program.follower(
         *(near.unknowns, parameters(request), x_lower, x_upper, lower, upper, 0, 0)
     )
-    ended = newton(request).run(near.unknowns, 40, NEAR.inside, NEAR.barrier)
-    assert ended.status == "Solve_Succeeded"
-    assert ended.iterations < 12
-    cost, _ = program.evaluation.cost_and_rows(ended.unknowns, np.array(parameters(request)))
+    result = newton(request).run(near.unknowns, 40, NEAR.bound_distance, NEAR.barrier)
+    assert result.status == "Solve_Succeeded"
+    assert result.iterations < 12
+    cost, _ = program.evaluation.cost_and_rows(result.unknowns, np.array(parameters(request)))
     assert cost == pytest.approx(float(wanted[1]), rel=1e-3)
-    np.testing.assert_allclose(ended.unknowns, np.array(wanted[0]).ravel(), atol=5e-3)
+    np.testing.assert_allclose(result.unknowns, np.array(wanted[0]).ravel(), atol=5e-3)
 
 
 def test_from_its_own_answer_it_has_nothing_to_do():
     request = Request(vx=0.5, slope=0.05)
     method = newton(request)
-    first = method.run(point_of(HALF).unknowns, 40, NEAR.inside, NEAR.barrier)
+    first = method.run(point_of(HALF).unknowns, 40, NEAR.bound_distance, NEAR.barrier)
     again = method.run(first.unknowns, 40, 1e-8, NEAR.barrier)
     assert again.iterations <= 2
     np.testing.assert_allclose(again.unknowns, first.unknowns, atol=1e-5)
@@ -96,12 +96,13 @@ def test_an_impossible_gait_ends_with_its_reason_and_without_patience_at_once():
     found = solve(Request(vx=4.5), point_of(HALF), patient=False)
     assert found.gait is None
     assert found.status != "Solve_Succeeded"
-    assert found.iterations <= NEAR.most + FAR.most
+    assert found.iterations <= NEAR.max_steps + FAR.max_steps
 
 
 def test_too_few_iterations_are_told():
-    ended = newton(Request(vx=0.9)).run(point_of(HALF).unknowns, 1, NEAR.inside, NEAR.barrier)
-    assert (ended.status, ended.iterations) == ("Maximum_Iterations_Exceeded", 1)
+    start = point_of(HALF).unknowns
+    result = newton(Request(vx=0.9)).run(start, 1, NEAR.bound_distance, NEAR.barrier)
+    assert (result.status, result.iterations) == ("Maximum_Iterations_Exceeded", 1)
 
 
 def test_where_newton_finds_no_way_a_patient_solve_goes_on():
@@ -112,5 +113,5 @@ def test_where_newton_finds_no_way_a_patient_solve_goes_on():
 
 def test_from_a_posture_that_the_legs_cannot_take_it_ends_with_the_reason():
     start = point_of(HALF).unknowns + 0.2
-    ended = newton(Request(vx=1.8, slope=1.0)).run(start, 3, NEAR.inside, NEAR.barrier)
-    assert (ended.status, ended.iterations) == ("Invalid_Number_Detected", 0)
+    result = newton(Request(vx=1.8, slope=1.0)).run(start, 3, NEAR.bound_distance, NEAR.barrier)
+    assert (result.status, result.iterations) == ("Invalid_Number_Detected", 0)

@@ -41,7 +41,7 @@ def test_derivatives_of_the_program_match_finite_differences():
     jacobian = program.solver.get_function("nlp_jac_g")
     gradient = program.solver.get_function("nlp_grad_f")
 
-    def slope(at):
+    def lagrangian_gradient(at):
         return np.array(gradient(at, p)[1]).ravel() + lam @ np.array(jacobian(at, p)[1])
 
     def value(at):
@@ -50,11 +50,11 @@ def test_derivatives_of_the_program_match_finite_differences():
 
     ahead, behind = x + step * direction, x - step * direction
     assert (value(ahead) - value(behind)) / (2 * step) == pytest.approx(
-        slope(x) @ direction, rel=1e-6
+        lagrangian_gradient(x) @ direction, rel=1e-6
     )
     upper = program.solver.get_function("nlp_hess_l")(x, p, 1.0, lam)
     hessian = np.array(ca.triu2symm(upper))
-    numeric = (slope(ahead) - slope(behind)) / (2 * step)
+    numeric = (lagrangian_gradient(ahead) - lagrangian_gradient(behind)) / (2 * step)
     np.testing.assert_allclose(hessian @ direction, numeric, rtol=1e-5, atol=1e-3)
 
 

@@ -130,7 +130,7 @@ def soft_contact(sinking: float) -> tuple[list[float], list[float]]:
     low, high = _SOFT_IMPEDANCE
     width = _WIDTH * sinking
     d = low + (high - low) * sinking / width
-    per_end = 0.5 * robot.total_mass() * robot.GRAVITY
+    per_end = 0.5 * robot.WEIGHT
     stiffness = per_end / sinking * high**2 * (1.0 - d) * _inverse_weight() / d**2
     return [-stiffness, -_SOFT_DAMPING * high], [low, high, width, 0.5, 1.0]
 

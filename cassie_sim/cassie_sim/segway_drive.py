@@ -36,8 +36,8 @@ class SegwayDrive:
     through a first-order lag of 10 ms, with the torque limit of a motor at its wheel's speed w:
     min(30 Nm, 400 W / w, 60 Nm (1 - w / 53 rad/s)). From 15 km/h on the platform leans back by
     0.08 rad for each m/s, which takes a rider's weight back near 16 km/h. A robot that holds its
-    CoM ahead by its ankles goes faster. The vehicle measures pitch and rates by its own IMU, speed
-    by the wheels, and load by its pads.
+    CoM ahead by its toe drives goes faster. The vehicle measures pitch and rates by its own IMU,
+    speed by the wheels, and load by its pads.
 
     The maker publishes nothing about this control. Known facts: riders of 40 to 100 kg, 16 km/h
     held by leaning back, steering that reacts to small pushes of the knee (press reviews of 2016).
@@ -56,7 +56,7 @@ class SegwayDrive:
 
     def __init__(self, settings: Segway) -> None:
         self._settings = settings
-        weight = (MASS + robot.total_mass()) * robot.GRAVITY
+        weight = (MASS + robot.MASS) * robot.GRAVITY
         self._rolling = 0.5 * WAYS[settings.surface].rolling * weight * WHEEL_RADIUS
         self._reset()
 

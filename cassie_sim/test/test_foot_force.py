@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cassie_gaits import virtual_leg
-from cassie_gaits.leg import LegPair
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import JOINTS, LEGS
 from cassie_gaits.robot import WEIGHT
 from cassie_sim.poses import lowest_sole, set_drives
@@ -62,7 +62,8 @@ def test_springs_tell_the_ground_force(leg_length):
         names = [name for name in JOINTS if name.startswith(leg)]
         joints = np.array([data.joint(name).qpos[0] for name in names])
         toe = float(data.actuator(f"{leg}_toe").force[0])
-        pair.update(np.tile(joints, (2, 1)), np.zeros((2, 7)), np.full(2, toe), R_WB[2])
+        both = np.tile(joints, (2, 1))
+        both_legs(both, np.zeros((2, 7)), np.full(2, toe), R_WB[2], pair.records[0])
         i = LEGS.index(leg)
         heel = data.joint(f"{leg}_heel_spring").qpos[0]
         assert pair.states[i]["springs"][1] == pytest.approx(heel, abs=2e-3)

@@ -11,7 +11,7 @@ from cassie_gaits import robot
 from cassie_sim.gantry import SPEED, STIFFNESS, Gantry
 
 PERIOD = 0.0005
-MASS = robot.total_mass()
+MASS = robot.MASS
 UPRIGHT = np.eye(3).ravel()
 SAG = MASS * 9.81 / STIFFNESS
 

@@ -14,7 +14,7 @@ import pytest
 
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.dynamics import INPUT, RIGID, Dynamics, rigid_pose
-from cassie_gaits.leg import LegPair
+from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.linkage import crank_angles, heel_angle_and_slopes
 from cassie_gaits.names import DRIVE_IN_Q, JOINTS, LEGS
 from cassie_sim.poses import set_drives
@@ -101,8 +101,8 @@ def relative_difference(matrix: np.ndarray, expected: np.ndarray) -> float:
     return float(np.abs((matrix - expected) / scale).max())
 
 
-def test_total_mass():
-    assert robot.total_mass() == pytest.approx(33.312, abs=1e-9)
+def test_mass():
+    assert pytest.approx(33.312, abs=1e-9) == robot.MASS
     assert DYNAMICS.mass == pytest.approx(33.312, abs=1e-9)
     assert MODEL.body_mass.sum() == pytest.approx(33.312, abs=1e-9)
 
@@ -248,7 +248,7 @@ def test_left_and_right_mirror_each_other(seed):
     mujoco.mj_forward(MODEL, other)
     across = np.array([1.0, -1.0, 1.0])
     # The pelvis alone is not quite symmetric: its centre of mass lies 0.346 mm to the left.
-    shift = 2.0 * robot.PELVIS.com[1] * robot.PELVIS.mass / robot.total_mass()
+    shift = 2.0 * robot.PELVIS.com[1] * robot.PELVIS.mass / robot.MASS
     left_of_pelvis = data.body("pelvis").xmat.reshape(3, 3)[:, 1]
     com = across * (data.subtree_com[1] - shift * left_of_pelvis)
     np.testing.assert_allclose(other.subtree_com[1], com, atol=1e-7)
@@ -275,7 +275,8 @@ def test_legs_of_the_control_loop_agree(seed):
     R_WB, origin = data.body("pelvis").xmat.reshape(3, 3), q[:3]
     moment, momentum = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
     pair = LegPair()
-    pair.update(q[6:].reshape(2, 7), rates[6:].reshape(2, 7), np.zeros(2), R_WB[2])
+    angles, angle_rates = q[6:].reshape(2, 7), rates[6:].reshape(2, 7)
+    both_legs(angles, angle_rates, np.zeros(2), R_WB[2], pair.records[0])
     for i, leg in enumerate(LEGS):
         joints = slice(6 + 7 * i, 13 + 7 * i)
         state = pair.states[i]
@@ -289,7 +290,7 @@ def test_legs_of_the_control_loop_agree(seed):
         np.testing.assert_allclose(state["springs"], [q[joints][4], heel], atol=1e-9)
         np.testing.assert_allclose(state["heel_gradient"], slopes, atol=1e-9)
         moment, momentum = moment + state["com_moment"], momentum + state["com_rate"]
-    mass = robot.total_mass()
+    mass = robot.MASS
     com = R_WB.T @ (data.subtree_com[1] - origin)
     np.testing.assert_allclose(moment / mass, com, atol=1e-3)
     com_rate = R_WB.T @ data.subtree_linvel[1]

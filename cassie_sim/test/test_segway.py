@@ -74,7 +74,7 @@ def test_it_accelerates_as_the_linear_model_says():
     rider, above, ahead = 33.0, 0.5, 0.02
     speed, earlier = ridden(ahead, 4.0)[0], ridden(ahead, 3.0)[0]
     gain, mass = PITCH_GAIN * 0.2**0.5, rider + MASS + 2.3
-    rolling = 0.015 * (robot.total_mass() + MASS) * GRAVITY * WHEEL_RADIUS
+    rolling = 0.015 * (robot.MASS + MASS) * GRAVITY * WHEEL_RADIUS
     lean = rider * GRAVITY * ahead + 0.8 * GRAVITY * 0.08
     give = 1.0 - rider * GRAVITY * above / gain
     driven = rider * above + mass * WHEEL_RADIUS * give

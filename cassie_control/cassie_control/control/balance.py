@@ -34,7 +34,7 @@ _UNSETTLE_TIME = 0.2  # s, in which gains return to those before settling
 _RISE_SETTLED = 0.9  # threshold of `Balance.settled` for a rise
 _RISE_VELOCITY = 0.016  # m of the capture point by its velocity: more than the robot's own motions
 _MAX_TICKS_BETWEEN = 1.5  # periods between estimates from which their difference is no rate
-_BENDING_FROM = 0.75  # ratio of capture point to reach where bending begins
+_STANDING_BENDING_FROM = 0.75  # ratio of capture point to reach where bending begins
 _BENDING_SPAN = 0.15  # further ratio at which bending is full
 _MAX_COM_ERROR = 0.08  # m, saturation of the CoM's error: 8 kg may hang 0.05 m off centre
 _MAX_INNOVATION = 0.02  # m, saturation of the CoM's innovation, so that a push has little effect
@@ -295,7 +295,7 @@ class Balance:
 
         It is 0 as long as the capture point is safely inside, where the feet suffice.
         """
-        return bending_ramp(abs(self.capture_point[axis]) / reach, _BENDING_FROM)
+        return bending_ramp(abs(self.capture_point[axis]) / reach, _STANDING_BENDING_FROM)
 
     def _bending(self, residual: float, angle_error: float) -> tuple[float, float]:
         """Torque that bends the torso, in Nm, and the factor on its regulation meanwhile, 0..1.

@@ -53,7 +53,7 @@ from cassie_control.control.outputs import (
     YAW_SW,
     Step,
 )
-from cassie_control.control.robot import MAX_LEG_LENGTH, Robot
+from cassie_control.control.robot import MAX_COMMANDED_LENGTH, MAX_LEG_LENGTH, Robot
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import (
@@ -142,7 +142,7 @@ _B = (0.5699, -0.0817, -0.1565, -0.0302)
 _C = (0.4899, -0.0042, -0.0024, -0.0004)
 _R = (1.3723, -0.1943, -0.4381, -0.0809)
 
-_MIN_LENGTH, _MAX_LENGTH = 0.4, 0.97  # m, range of the commanded leg length
+_MIN_LENGTH = 0.4  # m, shortest leg that is commanded
 _MIN_SWING_LENGTH = 0.45  # m, shortest leg for the inertia
 
 
@@ -277,7 +277,7 @@ def _blend_laws(
 @compiled
 def _knee_motion(length: float, length_rate: float) -> tuple[float, float]:
     """Knee angle and rate of a leg length, clamped to its range; in rad and rad/s."""
-    length = min(_MAX_LENGTH, max(_MIN_LENGTH, length))
+    length = min(MAX_COMMANDED_LENGTH, max(_MIN_LENGTH, length))
     knee = nearest_knee_angle(length)
     return knee, virtual_leg.knee_rate(knee, length, length_rate)
 

@@ -31,7 +31,6 @@ from cassie_gaits.names import (
 from cassie_gaits.records import FloatArray, Records
 from cassie_msgs.layout import MotorCommand
 
-_MASS = model.total_mass()  # kg
 _FORCE_DEAD_BAND = 50.0  # N, threshold of a foot's force for its share: it may only touch a bump
 
 _LOADED_FORCE = 30.0  # N, force from which a swing foot counts as loaded
@@ -74,7 +73,7 @@ def carry_weight(
     weight = damped_weight(gain, robot, slope)
     for i in range(2):
         share = carried_share(gain, robot, timing, i)
-        _set_weight_torques(robot, i, weight * share, pairs[0].states[i].ankle_jacobian, command)
+        _set_weight_torques(robot, i, weight * share, pairs[0].states[i].toe_jacobian, command)
 
 
 @compiled
@@ -91,7 +90,7 @@ def damped_weight(gain: Gains, robot: Robot, slope: GroundSlope) -> float:
         robot, slope: The robot and the ground now.
     """
     rise = slope.ahead * robot.com_velocity[0] + slope.left * robot.com_velocity[1]
-    acceleration = (robot.force[0] + robot.force[1]) / _MASS - model.GRAVITY
+    acceleration = (robot.force[0] + robot.force[1]) / model.MASS - model.GRAVITY
     speed = robot.com_velocity[2] - rise + gain.latency * acceleration
     weight: float = model.WEIGHT - gain.bounce_damping * speed
     return max(0.0, weight)
@@ -144,7 +143,7 @@ def _set_weight_torques(
     robot: Robot, i: int, weight: float, jacobian: FloatArray, command: MotorCommand
 ) -> None:
     """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
-    x, y = robot.com[0] - robot.ankle[i, 0], robot.com[1] - robot.ankle[i, 1]
+    x, y = robot.com[0] - robot.toe_joint[i, 0], robot.com[1] - robot.toe_joint[i, 1]
     z = pendulum_height(robot, i)
     torques = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
     base = LEG_DRIVE_COUNT * i

@@ -38,22 +38,17 @@ _UNBOUNDED = 1e6  # Nm, rad/s: the motors bound torque and speed
 def stops() -> tuple[FloatArray, FloatArray]:
     """Lower and upper stop of each drive's joint.
 
-    The knee's stops include the tarsus's, as the knee turns the tarsus while springs are relaxed.
+    The knee's stops are `robot.KNEE_STOPS`.
 
     Returns:
         Two arrays in the order of the drives. Shape (10,), in rad.
     """
     low, high = [], []
     for leg in LEGS:
-        limits = {link.name: link.joint.limits for link in robot.leg_links(leg)}
-        tarsus = limits["tarsus"] or (-math.inf, math.inf)
+        joints = robot.stops(leg) | {"knee": robot.KNEE_STOPS}
         for drive in LEG_DRIVES:
-            ends = limits[drive] or (-math.inf, math.inf)
-            if drive == "knee":
-                neutral = robot.NEUTRAL_TARSUS
-                ends = (max(ends[0], neutral - tarsus[1]), min(ends[1], neutral - tarsus[0]))
-            low.append(ends[0])
-            high.append(ends[1])
+            low.append(joints[drive][0])
+            high.append(joints[drive][1])
     return np.array(low), np.array(high)
 
 

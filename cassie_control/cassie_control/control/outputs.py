@@ -323,8 +323,8 @@ def _level_hip_path(
     weight = gain.level_hip * fade(phase) * (1.0 + backward * (gain.level_back - 1.0))
     hip_height = step.gait[LENGTH_SW, AT_END] * math.cos(step.gait[PITCH_SW, AT_END])
     i = timing.stance
-    hip_x = hip_pitch_ahead(robot) - robot.ankle[i, 0]
-    com_y = robot.com[1] - robot.ankle[i, 1]
+    hip_x = hip_pitch_ahead(robot) - robot.toe_joint[i, 0]
+    com_y = robot.com[1] - robot.toe_joint[i, 1]
     hip_height += slope.ahead * hip_x - slope.foothold_height + slope.left * com_y
     length = min(MAX_LEG_LENGTH, math.hypot(hip_height, hip_x))
     step.desired[LENGTH_ST] += weight * (length - step.desired[LENGTH_ST])

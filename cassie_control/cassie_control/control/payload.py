@@ -35,7 +35,7 @@ def lifting_force(robots: Records[Robot], pairs: Records[LegPair], torque: Float
     """
     x, z, force = robots[0].tilt[0], robots[0].tilt[2], 0.0
     for i in range(2):
-        jacobian, first = pairs[0].states[i].ankle_jacobian, LEG_DRIVE_COUNT * i
+        jacobian, first = pairs[0].states[i].toe_jacobian, LEG_DRIVE_COUNT * i
         hip_x = hip_z = knee_x = knee_z = 0.0
         for k in range(3):
             hip, knee = jacobian[k, HIP_PITCH], jacobian[k, KNEE] - jacobian[k, TARSUS]

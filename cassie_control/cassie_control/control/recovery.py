@@ -55,7 +55,7 @@ def add_braking_toe_torque(readings: Readings, stance: int, command: MotorComman
     time = pendulum_time(readings.com_from_feet[2])
     capture_x = readings.com[0] + time * readings.com_velocity[0] - leg.foot[0]
     cop_x = max(-_BRAKING_REACH, min(_BRAKING_REACH, capture_x)) + leg.foot[0]
-    torque = -leg.contact * max(0.0, leg.force) * (cop_x - leg.ankle[0])
+    torque = -leg.contact * max(0.0, leg.force) * (cop_x - leg.toe_joint[0])
     command.torque[LEG_DRIVE_COUNT * stance + TOE_DRIVE] += torque
 
 

@@ -88,7 +88,7 @@ class MovingBalance(Balance):
             readings: The robot now.
             difference: Desired difference, right less left. In m.
         """
-        (_, left_y, left_z), (_, right_y, right_z) = (leg.ankle for leg in readings.legs)
+        (_, left_y, left_z), (_, right_y, right_z) = (leg.toe_joint for leg in readings.legs)
         present = left_z - right_z - readings.roll * (left_y - right_y)
         share, per_share = self.left_share, 2.0 * WEIGHT / self.config.leg_stiffness
         low, high = present - (1.0 - share) * per_share, present + share * per_share

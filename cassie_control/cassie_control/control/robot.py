@@ -41,13 +41,17 @@ def _level_foot() -> tuple[float, float, float]:
     return round(0.5 * length, 4), round(middle, 4), round(height, 4)
 
 
-SOLE_HALF_LENGTH, SOLE_MIDDLE, ANKLE_HEIGHT = _level_foot()
+SOLE_HALF_LENGTH, SOLE_MIDDLE, TOE_JOINT_HEIGHT = _level_foot()
 
 MIN_PENDULUM_HEIGHT = 0.4
 """Least height of the CoM above the stance toe joint in the laws of walking. In m."""
 
 MAX_LEG_LENGTH = 0.95
 """Longest leg that walking plans: a straighter knee hardly controls the leg's length. In m."""
+
+MAX_COMMANDED_LENGTH = 0.97
+"""Longest leg that is commanded, 4 degrees of the knee before its stop: a late touchdown, and
+unequal loads while standing, make a leg longer than planned. In m."""
 
 
 @compiled
@@ -92,7 +96,7 @@ class Robot(Record):
         force: Vertical force on each foot. In N.
         contact: Probability that each foot is on the ground, 0..1.
         joints: The seven joints of each leg. In rad.
-        ankle: Toe joint of each leg from the pelvis origin. In m.
+        toe_joint: Toe joint of each leg from the pelvis origin. In m.
         foot: Middle of each sole from the pelvis origin. In m.
         rates: Rates of the joints. In rad/s.
         tilt: Rotation from the pelvis to the heading frame.
@@ -114,7 +118,7 @@ class Robot(Record):
     force: FloatArray = array(2)
     contact: FloatArray = array(2)
     joints: FloatArray = array(2, 7)
-    ankle: FloatArray = array(2, 3)
+    toe_joint: FloatArray = array(2, 3)
     foot: FloatArray = array(2, 3)
     rates: FloatArray = array(2, 7)
     tilt: FloatArray = array(3, 3)
@@ -158,9 +162,9 @@ def read_robot(
             robot.joints[i, k], robot.rates[i, k] = q[6 + 7 * i + k], v[6 + 7 * i + k]
         robot.load[i], robot.force[i] = estimate.foot_load[i], estimate.foot_force[i]
         robot.contact[i] = estimate.contact_probability[i]
-        ankle, foot = turned(robot.tilt, legs[i].ankle), turned(robot.tilt, legs[i].foot)
+        toe_joint, foot = turned(robot.tilt, legs[i].toe_joint), turned(robot.tilt, legs[i].foot)
         for k in range(3):
-            robot.ankle[i, k], robot.foot[i, k] = ankle[k], foot[k]
+            robot.toe_joint[i, k], robot.foot[i, k] = toe_joint[k], foot[k]
     for k in range(3):
         robot.angular_velocity[k] = estimate.angular_velocity[k]
         middle = 0.5 * (robot.foot[0, k] + robot.foot[1, k])
@@ -195,16 +199,16 @@ _HEIGHT_AND_ANGLES = _places("height", "roll_rate")
 _COM, _COM_FROM_FEET, _COM_VELOCITY, _VELOCITY = (
     _places(name) for name in ("com", "com_from_feet", "com_velocity", "velocity")
 )
-_LOAD, _FORCE, _CONTACT, _JOINTS, _ANKLE, _FOOT = (
+_LOAD, _FORCE, _CONTACT, _JOINTS, _TOE_JOINT, _FOOT = (
     [_places(name, leg=leg) for leg in range(2)]
-    for name in ("load", "force", "contact", "joints", "ankle", "foot")
+    for name in ("load", "force", "contact", "joints", "toe_joint", "foot")
 )
 
 
 @compiled
 def pendulum_height(robot: Robot, stance: int) -> float:
     """Height of the CoM above a toe joint, as the length of a pendulum. In m."""
-    height: float = max(MIN_PENDULUM_HEIGHT, robot.com[2] - robot.ankle[stance, 2])
+    height: float = max(MIN_PENDULUM_HEIGHT, robot.com[2] - robot.toe_joint[stance, 2])
     return height
 
 
@@ -221,10 +225,10 @@ class LegReadings:
 
     Attributes:
         side: 1 for the left leg, -1 for the right.
-        ankle_jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in
+        toe_jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in
             m/rad.
         joints: The seven joints. In rad.
-        ankle: Toe joint from the pelvis origin, heading frame. In m.
+        toe_joint: Toe joint from the pelvis origin, heading frame. In m.
         foot: Middle of the sole from the pelvis origin, heading frame. In m.
         load: How far the foot is loaded, 0..1.
         force: Vertical force on the foot. In N.
@@ -232,9 +236,9 @@ class LegReadings:
     """
 
     side: float
-    ankle_jacobian: FloatArray
+    toe_jacobian: FloatArray
     joints: tuple[float, ...]
-    ankle: Vector
+    toe_joint: Vector
     foot: Vector
     load: float
     force: float
@@ -282,7 +286,7 @@ class Readings:
         self.pair = pair.records
         self.tilt: FloatArray = robot.tilt
         self.state = RobotState()
-        self._ankle_jacobians = pair.records["states"]["ankle_jacobian"][0]
+        self._toe_jacobians = pair.records["states"]["toe_jacobian"][0]
         self._memory = self.records.view(np.uint8).data
         self._bare = dict(self.__dict__)
 
@@ -312,9 +316,9 @@ class Readings:
 
     def _leg(self, i: int, values: tuple[Any, ...]) -> LegReadings:
         (load,), (force,), (contact,) = values[_LOAD[i]], values[_FORCE[i]], values[_CONTACT[i]]
-        joints, ankle, foot = values[_JOINTS[i]], values[_ANKLE[i]], values[_FOOT[i]]
-        jacobian = self._ankle_jacobians[i]
-        return LegReadings(1.0 - 2.0 * i, jacobian, joints, ankle, foot, load, force, contact)
+        joints, toe_joint, foot = values[_JOINTS[i]], values[_TOE_JOINT[i]], values[_FOOT[i]]
+        jacobian = self._toe_jacobians[i]
+        return LegReadings(1.0 - 2.0 * i, jacobian, joints, toe_joint, foot, load, force, contact)
 
     @property
     def time(self) -> float:

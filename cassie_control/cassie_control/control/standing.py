@@ -12,11 +12,12 @@ from cassie_control.config import StandConfig
 from cassie_control.control.balance import BOTH_FEET, HANGING_CONTACT, STANDING_CONTACT, Balance
 from cassie_control.control.forces import holding_torques
 from cassie_control.control.robot import (
-    ANKLE_HEIGHT,
     HIP_DOWN,
     HIP_X,
     HIP_Y,
+    MAX_COMMANDED_LENGTH,
     SOLE_MIDDLE,
+    TOE_JOINT_HEIGHT,
     LegReadings,
     Readings,
 )
@@ -132,7 +133,7 @@ class Rise:
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
-_LENGTHS = (0.25, 0.97)  # m, range of the commanded leg length
+_MIN_LENGTH = 0.25  # m, shortest leg that is commanded
 _MIN_LEVER = 0.4  # m, least height and leg length that turn a distance into an angle
 _CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
@@ -207,7 +208,7 @@ class StandingController:
         `com_error` is kept.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[KNEE]) for leg in readings.legs)
-        self._height = (length + HIP_DOWN + ANKLE_HEIGHT, 0.0)
+        self._height = (length + HIP_DOWN + TOE_JOINT_HEIGHT, 0.0)
         self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
@@ -273,7 +274,7 @@ class StandingController:
             integral = max(-_MAX_HEIGHT_INTEGRAL, min(_MAX_HEIGHT_INTEGRAL, integral))
             self._height_integral = integral
         bounce = both * c.height_damping * (readings.velocity[2] - rate)
-        return height - HIP_DOWN - ANKLE_HEIGHT + self._height_integral - bounce
+        return height - HIP_DOWN - TOE_JOINT_HEIGHT + self._height_integral - bounce
 
     def _set_leg(
         self,
@@ -292,7 +293,7 @@ class StandingController:
         air = 1.0 - contact
         _, roll_regulation = balance.torso_regulation
         length += contact * (share - 0.5) * WEIGHT / c.leg_stiffness
-        length = virtual_leg.clamp_length(length, *_LENGTHS)
+        length = min(MAX_COMMANDED_LENGTH, max(_MIN_LENGTH, length))
         hip_angles = self._hip_angles[i]
         self._release_hips(hip_angles, leg, contact)
         air_pitch = self._air_foot_x(i, readings) / max(length, _MIN_LEVER)
@@ -315,7 +316,7 @@ class StandingController:
         command.kp[drives] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
         command.kd[drives] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = holding_torques(
-            leg.ankle_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
+            leg.toe_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
         )
         toe = self._toe_torque(leg)
         pitch += toe + self._torso_torque(readings, float(mode.pitch), contact)
@@ -343,7 +344,7 @@ class StandingController:
         """
         other = readings.legs[1 - i]
         below_com = readings.com[0] - SOLE_MIDDLE - HIP_X
-        next_to_foot = other.ankle[0] - HIP_X + HIP_DOWN * readings.pitch
+        next_to_foot = other.toe_joint[0] - HIP_X + HIP_DOWN * readings.pitch
         return below_com + self._contact[1 - i] * (next_to_foot - below_com)
 
     def _toe_torque(self, leg: LegReadings) -> float:
@@ -352,7 +353,12 @@ class StandingController:
         Each foot has it at the same place of its own sole, whichever foot stands ahead.
         """
         balance, limit = self._balance, DRIVES["toe"].torque_limit
-        arm = leg.foot[0] + balance.cop_x - leg.ankle[0] + ANKLE_HEIGHT * balance.force_ratio[0]
+        arm = (
+            leg.foot[0]
+            + balance.cop_x
+            - leg.toe_joint[0]
+            + TOE_JOINT_HEIGHT * balance.force_ratio[0]
+        )
         torque = -leg.contact * max(0.0, leg.force) * arm
         return max(-limit, min(limit, torque))
 

@@ -30,7 +30,7 @@ class Body(Record):
         toe_torques: Torques of the toes in the last sample. In Nm.
         attitude: IMU to world, as measured by the IMU in the last sample.
         imu_to_soles: Middle of each sole from the IMU at the last sample, pelvis frame. In m.
-        stance_share: Low-passed share of time in which the feet carried the robot.
+        carrying_share: Low-passed fraction of time in which the feet carried the robot.
         force_scale: Factor on the forces of the legs' springs.
         force_scale_time: Time constant of `force_scale`; it grows after the start. In s.
     """
@@ -47,7 +47,7 @@ class Body(Record):
     toe_torques: FloatArray = array(2)
     attitude: FloatArray = array(3, 3)
     imu_to_soles: FloatArray = array(2, 3)
-    stance_share: float
+    carrying_share: float
     force_scale: float
     force_scale_time: float
 
@@ -93,7 +93,14 @@ def complete_state(state: RobotState, legs: LegPair, body: Body, rotation: Float
 
 @compiled
 def _compute_com(state: RobotState, legs: LegPair, body: Body, rotation: FloatArray) -> None:
-    """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame."""
+    """Centre of mass from the midpoint of the feet, and its velocity, in the heading frame.
+
+    Args:
+        state: Has position, velocity, angular velocity and Euler angles; gets the CoM.
+        legs: Kinematics of both legs.
+        body: Data of the robot.
+        rotation: Pelvis to world. Shape (3, 3).
+    """
     left, right, mass = legs.states[0], legs.states[1], body.mass
     moment = plus(plus(body.pelvis_moment, left.com_moment), right.com_moment)
     com = (moment[0] / mass, moment[1] / mass, moment[2] / mass)
@@ -151,10 +158,12 @@ def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: 
         body.toe_torques[i] = sample.drive_torque[drive + TOE_DRIVE]
 
 
-_STANCE_FORCE_RATIO = 0.6  # of the springs' force to the apparent weight: threshold of standing
-_STANCE_TIME = 0.05  # s, time constant of `Body.stance_share`
-_FIRST_SCALE_TIME = 0.4  # s, of `Body.force_scale_time`: a step, over which the error averages out
-_LAST_SCALE_TIME = 6.0  # s, of the same
+# Whether the feet alone carry the robot at this moment. `acceleration` asks whether the robot has
+# been on its feet for some steps: with the weight at rest, and a longer time constant.
+_CARRYING_RATIO = 0.6  # of the springs' force to the apparent weight: threshold
+_CARRYING_TIME = 0.05  # s, time constant of `Body.carrying_share`
+# `Body.force_scale_time` grows from the duration of a step, over which the error averages out.
+_FIRST_SCALE_TIME, _LAST_SCALE_TIME = 0.4, 6.0  # s
 # Springs within 20 % and a mass within 10 % of the nominal ones give 0.9 / 1.2 to 1.1 / 0.8.
 _MIN_SCALE, _MAX_SCALE = 0.7, 1.4
 
@@ -176,15 +185,18 @@ def _scale_forces(
         springs: Vertical forces by the nominal stiffness of the springs. Shape (2,), in N.
         specific_force: At the IMU, pelvis frame. Shape (3,), in m/s^2.
         forces: Result. Shape (2,), in N.
+
+    Source:
+        Newton's law along the vertical, averaged over a step; the integral is this project's.
     """
     period, mass, up = body.period, body.mass, body.attitude[2]
     spring_force, apparent_weight = springs[0] + springs[1], 0.0
     for k in range(3):
         apparent_weight += mass * up[k] * specific_force[k]
     # Else a gantry carries the robot, too.
-    standing = 1.0 if spring_force > _STANCE_FORCE_RATIO * apparent_weight else 0.0
-    body.stance_share += period / _STANCE_TIME * (standing - body.stance_share)
-    if body.stance_share > 0.5:
+    carrying = 1.0 if spring_force > _CARRYING_RATIO * apparent_weight else 0.0
+    body.carrying_share += period / _CARRYING_TIME * (carrying - body.carrying_share)
+    if body.carrying_share > 0.5:
         body.force_scale_time = min(_LAST_SCALE_TIME, body.force_scale_time + period)
         error = apparent_weight - body.force_scale * spring_force
         body.force_scale += period / body.force_scale_time * error / (mass * robot.GRAVITY)
@@ -200,7 +212,9 @@ _MAX_LOG_ODDS = 50.0  # against contact, so that the exponential does not overfl
 def _update_foot_loads(body: Body, state: RobotState) -> None:
     """Load and probability of contact of each foot, from its force F.
 
-    The load rises from 0 to 1 between two forces. The probability is 1 / (1 + exp((F_0 - F) / w)).
+    The load says how far the foot is loaded: 0 up to `load_from`, 1 from `load_from` + `load_span`
+    on, linear between. The probability is 1 / (1 + exp((F_0 - F) / w)), with `contact_force` F_0
+    and `contact_width` w.
     """
     for i in range(2):
         force = state.foot_force[i]
@@ -277,7 +291,7 @@ class LegEstimator:
         self._state = RobotState()
         self._legs = LegPair()
         self._feet: FloatArray = self._legs.records["states"]["foot"][0]
-        self._body = Body(period=period, mass=robot.total_mass())
+        self._body = Body(period=period, mass=robot.MASS)
         self._body.pelvis_moment = robot.PELVIS.mass * np.array(robot.PELVIS.com)
         self._body.imu_position[:] = robot.IMU_POSITION
         self._body.attitude = np.eye(3)
@@ -311,7 +325,7 @@ class LegEstimator:
         """Begin anew: at rest, at the origin, with the height from the next sample's legs."""
         self._state.floats[:] = 0.0
         body = self._body
-        body.stance_share, body.force_scale, body.force_scale_time = 0.0, 1.0, _FIRST_SCALE_TIME
+        body.carrying_share, body.force_scale, body.force_scale_time = 0.0, 1.0, _FIRST_SCALE_TIME
 
     def restart(self) -> None:
         """Begin anew with the next sample, at rest at this place; the yaw's full turns are kept."""

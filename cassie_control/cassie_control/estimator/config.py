@@ -8,6 +8,10 @@ from cassie_msgs.tunables import tunable
 
 ESTIMATORS = ("invariant", "kinematic")
 
+ON_GROUND = 0.5
+"""Contact probability from which a foot counts as on the ground; its force there is
+`EstimatorConfig.contact_force`."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class FilterConfig:

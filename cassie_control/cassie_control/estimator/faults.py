@@ -28,7 +28,6 @@ from cassie_control.estimator.pairs import (
     IMU_PAIRS,
     JOINT_PAIRS,
     PAIRS,
-    RESIDUAL_TIME,
     REST_TIME,
     P,
     Pair,
@@ -61,7 +60,7 @@ class MonitorState(Record):
         ticks: Ticks since the start.
         measured_orientation: Last measured orientation, x y z w.
         orientation: Measured orientation or its substitute, for the estimator, x y z w.
-        gyro_rotation: Integrated gyro, decaying with `RESIDUAL_TIME`. In rad.
+        gyro_rotation: Integrated gyro, decaying with `pairs.RESIDUAL_TIME`. In rad.
         torque_rejected_for: Remaining time for which each drive's torque is rejected. In s.
         rest_time: Time for which the robot has hung or lain still without power. In s.
         powered: Whether the robot has power.
@@ -263,7 +262,7 @@ def _check_pairs(monitor: MonitorState, limits: MonitorLimits) -> None:
     axes = pairs[FIRST_IMU_AXIS:]
     for k in range(3):
         rate = axes[k].velocity
-        gyro_rotation[k] *= math.exp(-limits.period / RESIDUAL_TIME)
+        gyro_rotation[k] *= limits.pairs[FIRST_IMU_AXIS + k].residual_decay
         gyro_rotation[k] += limits.period * rate if math.isfinite(rate) else 0.0
     for i in range(PAIRS):
         tolerance = 0.0

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cassie_control.errors import SensorError
+from cassie_control.estimator import config as estimator_config
 from cassie_control.estimator.base import Body, LegEstimator, complete_state
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_gaits import robot
@@ -16,12 +17,14 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import Vector, cross, minus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_SIZE = 21
-"""Dimension of the filter's error: orientation, velocity, position, left and right contact, gyro
-and accelerometer bias, three of each."""
+_R, _V, _P, _D = 0, 3, 6, 9
+_BG = _D + 2 * 3
+_BA = _BG + 3
+"""Indices of the filter's errors, each of three coordinates: orientation, velocity, position, left
+and right contact, gyro and accelerometer bias."""
 
-_R, _V, _P, _D, _BG, _BA = 0, 3, 6, 9, 15, 18
-"""Indices of each part's first error."""
+_SIZE = _BA + 3
+"""Number of the filter's errors."""
 
 _VELOCITY, _POSITION, _CONTACTS = 0, 1, 2
 """Rows of `FilterState.vectors`; from `_CONTACTS` on the left and the right contact."""
@@ -65,9 +68,9 @@ class FilterNoise(Record):
         period: Time between samples. In s.
         gyro: Power density of the gyro's noise. In (rad/s)^2 s.
         accelerometer: Power density of the accelerometer's noise. In (m/s^2)^2 s.
-        gyro_bias: Variance per time of the gyro bias's random walk. In (rad/s)^2/s.
-        largest_gyro_bias: Saturation of the gyro's bias. In rad/s.
-        accelerometer_bias: Variance per time of the accelerometer bias's random walk. In
+        gyro_bias_walk: Variance per time of the gyro bias's random walk. In (rad/s)^2/s.
+        gyro_bias_limit: Saturation of the gyro's bias. In rad/s.
+        accelerometer_bias_walk: Variance per time of the accelerometer bias's random walk. In
             (m/s^2)^2/s.
         stance: Variance per time of a loaded contact's random walk. In m^2/s.
         swing: Variance per time of a random walk, for a foot in the air. In m^2/s.
@@ -84,9 +87,9 @@ class FilterNoise(Record):
     period: float
     gyro: float
     accelerometer: float
-    gyro_bias: float
-    largest_gyro_bias: float
-    accelerometer_bias: float
+    gyro_bias_walk: float
+    gyro_bias_limit: float
+    accelerometer_bias_walk: float
     stance: float
     swing: float
     kinematics: float
@@ -98,7 +101,6 @@ class FilterNoise(Record):
     attitude_delay: float
 
 
-_AIRBORNE_PROBABILITY = 0.5  # of contact, below which a foot is in the air
 _MAX_ORIGIN_DISTANCE = 10.0  # m, of the IMU from the filter's origin
 
 
@@ -158,7 +160,7 @@ def _step_filter(
     correction = np.zeros(_SIZE)
     _correct_by_attitude(state, noise, body.attitude, sample.angular_velocity, correction)
     contact_probability = max(contact[0], contact[1])
-    if contact_probability < _AIRBORNE_PROBABILITY:
+    if contact_probability < estimator_config.ON_GROUND:
         _correct_hanging_velocity(
             state, noise.hanging_velocity / (1.0 - contact_probability) ** 2, correction
         )
@@ -353,8 +355,8 @@ def _add_noise(state: FilterState, noise: FilterNoise, contact: FloatArray) -> N
             P[_D + 3 * i + k, _D + 3 * i + k] += variance
     for k in range(3):
         P[_V + k, _V + k] += dt * noise.accelerometer
-        P[_BG + k, _BG + k] += dt * noise.gyro_bias
-        P[_BA + k, _BA + k] += dt * noise.accelerometer_bias
+        P[_BG + k, _BG + k] += dt * noise.gyro_bias_walk
+        P[_BA + k, _BA + k] += dt * noise.accelerometer_bias_walk
 
 
 @compiled
@@ -450,8 +452,8 @@ def _correct_state(state: FilterState, noise: FilterNoise, correction: FloatArra
         for k in range(3):
             state.vectors[i, k] = moved[k] + shift[k]
     for k in range(3):
-        largest, bias = noise.largest_gyro_bias, state.gyro_bias[k] + correction[_BG + k]
-        state.gyro_bias[k] = max(-largest, min(largest, bias))
+        limit, bias = noise.gyro_bias_limit, state.gyro_bias[k] + correction[_BG + k]
+        state.gyro_bias[k] = max(-limit, min(limit, bias))
         state.accelerometer_bias[k] += correction[_BA + k]
 
 
@@ -595,7 +597,7 @@ def _update_ground_height(
     vectors, load, contact = estimate.vectors, state.foot_load, state.contact_probability
     total_load = load[0] + load[1]
     touching = 0 if contact[0] > contact[1] else 1
-    if contact[touching] < _AIRBORNE_PROBABILITY:
+    if contact[touching] < estimator_config.ON_GROUND:
         estimate.airborne_time += noise.period
     elif estimate.airborne_time < _NEW_GROUND_TIME or total_load >= 1.0:
         estimate.airborne_time = 0.0
@@ -638,21 +640,35 @@ def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> f
 
 
 _HANGING_SPEED = 0.1  # m/s, of a robot in the harness
-_HANGING_TIME = 0.5  # s, correlation time of this speed
+_HANGING_CORRELATION_TIME = 0.5  # s, correlation time of this speed
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
 _REST_RATE = 0.3  # rad/s, of the fastest joint of a robot at rest
 _WALKING_DEVIATION = 1.0  # m/s, of the velocity by the legs at one sample, as after a touchdown
-_FIRST_DEVIATION = (
-    (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; heading and position begin by definition
-    (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
-    (1e-4, 1e-4, 1e-4),  # m
-    (1.0, 1.0, 1.0),  # m: the first correction by the feet finds the contacts
-    (1.0, 1.0, 1.0),
-    (1e-4, 1e-4, 1e-4),  # rad/s: the default of `FilterConfig.gyro_bias`
-    (0.01, 0.01, 0.01),  # m/s^2: 1 mg
-)
-"""Standard deviations of the errors at the start: orientation, velocity, position, left and right
-contact, gyro and accelerometer bias."""
+_MIN_BIAS_DEVIATION = 1e-9  # rad/s, so that also a bias that is limited to 0 has a variance
+
+
+def _first_deviations(gyro_bias_limit: float) -> FloatArray:
+    """Standard deviations of the errors at the start.
+
+    Args:
+        gyro_bias_limit: Saturation of the gyro's bias. In rad/s.
+
+    Returns:
+        For orientation, velocity, position, left and right contact, gyro and accelerometer bias.
+        Shape (7, 3).
+    """
+    gyro_bias = max(_MIN_BIAS_DEVIATION, gyro_bias_limit)
+    return np.array(
+        [
+            (0.015, 0.015, 1e-4),  # rad: the IMU's first tilt; the heading begins by definition
+            (0.1, 0.1, 0.1),  # m/s: the robot is put down, or hangs
+            (1e-4, 1e-4, 1e-4),  # m: the position begins by definition
+            (1.0, 1.0, 1.0),  # m: the first correction by the feet finds the contacts
+            (1.0, 1.0, 1.0),
+            (gyro_bias, gyro_bias, gyro_bias),
+            (0.01, 0.01, 0.01),  # m/s^2: 1 mg
+        ]
+    )
 
 
 class InvariantEstimator(LegEstimator):
@@ -747,7 +763,7 @@ class InvariantEstimator(LegEstimator):
         for i in range(2):
             vectors[_CONTACTS + i] = vectors[_POSITION] + R @ body.imu_to_soles[i]
             start.sole_rotations[i] = R @ self._legs.states[i].foot_rotation
-        deviation = np.array(_FIRST_DEVIATION)
+        deviation = _first_deviations(self._noise.gyro_bias_limit)
         if self._walks():
             deviation[_V // 3] = _WALKING_DEVIATION
             vectors[_VELOCITY] = R @ self._velocity_by_legs(sensors.angular_velocity)
@@ -783,15 +799,15 @@ class InvariantEstimator(LegEstimator):
             noise.accelerometer = _REJECTED_ACCELEROMETER_NOISE**2
         else:
             noise.accelerometer = c.accelerometer_noise**2
-        noise.gyro_bias = c.gyro_drift**2
-        noise.largest_gyro_bias = c.gyro_bias
-        noise.accelerometer_bias = c.accelerometer_drift**2
+        noise.gyro_bias_walk = c.gyro_drift**2
+        noise.gyro_bias_limit = c.gyro_bias
+        noise.accelerometer_bias_walk = c.accelerometer_drift**2
         noise.stance = c.stance_noise**2
         noise.swing = c.swing_noise**2
         noise.kinematics = c.kinematics_noise**2
         noise.tilt = c.tilt_error**2 * persistent
         noise.heading = c.heading_error**2 * persistent
-        noise.hanging_velocity = _HANGING_SPEED**2 * 2.0 * _HANGING_TIME / period
+        noise.hanging_velocity = _HANGING_SPEED**2 * 2.0 * _HANGING_CORRELATION_TIME / period
         noise.slip_gate = c.slip_gate**2
         noise.slip_decay = math.exp(-period / c.slip_time)
         noise.attitude_delay = c.attitude_delay

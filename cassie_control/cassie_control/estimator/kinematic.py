@@ -13,9 +13,13 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import Vector, cross, minus, plus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
+IMU_TILT_VARIANCE = math.radians(0.35) ** 2
+"""Variance of the IMU's own roll and pitch. In rad^2."""
+
+IMU_RATE_VARIANCE = math.radians(0.1) ** 2
+"""Variance of the gyro: a VN-100's 0.08 deg/s at 500 Hz, rounded up. In (rad/s)^2."""
+
 _YAW_VARIANCE = 0.01  # rad^2, of the IMU's heading, which drifts: 0.1 rad
-_TILT_VARIANCE = math.radians(0.35) ** 2  # rad^2, of the IMU's own roll and pitch
-_RATE_VARIANCE = math.radians(0.1) ** 2  # (rad/s)^2: a VN-100's 0.08 deg/s at 500 Hz, rounded up
 _HANGING_DECAY = 1.0  # 1/s: without load the velocity decays, as there is nothing to correct it
 _ACCELERATION_NOISE = 0.05**2  # (m/s^2)^2 s: g times 0.35 deg, a correlation time of 0.35 s
 _CORRELATED_NOISE_RATIO = 0.1  # of the legs' velocity: its variance stays above half of this
@@ -63,9 +67,9 @@ def estimate_pelvis(
     _fuse_velocity(sample.linear_acceleration, state, legs, body, velocity_filter)
     for k in range(3):
         state.covariance[k] = velocity_filter.position_variance
-        state.covariance[3 + k] = _YAW_VARIANCE if k == 0 else _TILT_VARIANCE
+        state.covariance[3 + k] = _YAW_VARIANCE if k == 0 else IMU_TILT_VARIANCE
         state.covariance[6 + k] = velocity_filter.velocity_variance
-        state.covariance[9 + k] = _RATE_VARIANCE
+        state.covariance[9 + k] = IMU_RATE_VARIANCE
     complete_state(state, legs, body, body.attitude)
 
 
@@ -126,7 +130,17 @@ def _update_variances(velocity_filter: VelocityFilter, gain: float, period: floa
 def _velocity_by_legs(
     omega: FloatArray, load: FloatArray, total_load: float, legs: LegPair
 ) -> Vector:
-    """Pelvis velocity, in the pelvis frame, at which the loaded feet stand still."""
+    """Pelvis velocity at which the loaded feet stand still.
+
+    Args:
+        omega: Angular velocity of the pelvis, pelvis frame. Shape (3,), in rad/s.
+        load: Load of each foot, 0..1. Shape (2,).
+        total_load: Sum of the loads, more than 0.
+        legs: Kinematics of both legs.
+
+    Returns:
+        In the pelvis frame, in m/s.
+    """
     velocity = (0.0, 0.0, 0.0)
     for i in range(2):
         leg = legs.states[i]
@@ -139,7 +153,14 @@ def _velocity_by_legs(
 def _height_by_legs(
     rotation: FloatArray, load: FloatArray, total_load: float, legs: LegPair
 ) -> float:
-    """Pelvis height at which the loaded feet are on the ground."""
+    """Pelvis height at which the loaded feet are on level ground of height 0. In m.
+
+    Args:
+        rotation: Pelvis to world. Shape (3, 3).
+        load: Load of each foot, 0..1. Shape (2,).
+        total_load: Sum of the loads, more than 0.
+        legs: Kinematics of both legs.
+    """
     height = 0.0
     for i in range(2):
         foot_height = turned(rotation, legs.states[i].foot)[2]

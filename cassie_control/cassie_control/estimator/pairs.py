@@ -27,7 +27,7 @@ IMU_PAIRS = slice(FIRST_IMU_AXIS, PAIRS)
 P, V = 0, 1
 """Channels of a pair: position and velocity."""
 
-DELAYS = tuple(0.001 * ms for ms in range(10, 101, 2))
+PAIR_DELAYS = tuple(0.001 * ms for ms in range(10, 101, 2))
 """Delays that are tested; a delay between two of them fits one of these well enough. In s."""
 
 RESIDUAL_TIME = 0.3
@@ -44,7 +44,7 @@ _ACCEPTED, _REJECTED, _RESPONSIVE = 0, 1, 2  # values of `Pair.status`
 _CLEAR, _SMALL = 0, 1  # indices of `Pair.spike_counts`
 
 # At 2 kHz; at higher rates fewer delays are tested, and a shorter response is modelled.
-_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `DELAYS`
+_STEP_HISTORY_TICKS = 201  # in `Pair.step_history`: the present and the longest of `PAIR_DELAYS`
 _RESPONSE_TICKS = 36  # in `Pair.position_steps`: the joints' velocity filter responds for 18 ms
 _VELOCITY_TICKS = 4  # in `Pair.last_velocities`: with the present one, five for the cubic
 
@@ -69,7 +69,7 @@ class Pair(Record):
         partner_motion: Motion that the other channel has shown meanwhile. In rad.
         residual: Position minus integrated velocity, decaying with `RESIDUAL_TIME`. In rad.
         step_history: Ring buffer of the steps of position and velocity that are compared. In rad.
-        delay_sums: Cumulative sums for the channel's delay by each of `DELAYS`. In rad^2.
+        delay_sums: Cumulative sums for the channel's delay by each of `PAIR_DELAYS`. In rad^2.
         delay_evidence: Largest of the channel's cumulative sums. In rad^2.
         undecided_time: Time for which the channels have disagreed without a known cause. In s.
         provisional: 1 where a channel was rejected without a delay that explains it.
@@ -91,8 +91,8 @@ class Pair(Record):
     unchanged_ticks: IntArray = whole(2)
     partner_motion: FloatArray = array(2)
     residual: float
-    step_history: FloatArray = array(2, _HISTORY_TICKS)
-    delay_sums: FloatArray = array(2, len(DELAYS))
+    step_history: FloatArray = array(2, _STEP_HISTORY_TICKS)
+    delay_sums: FloatArray = array(2, len(PAIR_DELAYS))
     delay_evidence: FloatArray = array(2)
     undecided_time: float
     provisional: int = whole()
@@ -110,6 +110,9 @@ class PairLimits(Record):
 
     Attributes:
         period: Time between samples. In s.
+        peak_decay: Factor on both decaying peaks over one period.
+        residual_decay: Factor on the residual over one period, by `RESIDUAL_TIME`.
+        spike_decay: Factor on the counts of spikes over one period, by `SPIKE_TIME`.
         hold_time: Time for which a channel stays rejected after its last fault. In s.
         averaged: 1 where the velocity is the mean over the period, as a gyro's.
         low, high: Range of the position. In rad.
@@ -118,13 +121,16 @@ class PairLimits(Record):
             increase with the speed, in s.
         spike: Threshold of the velocity's clear spikes. In rad/s.
         evidence: Threshold of the cumulative sums from which a channel is delayed. In rad^2.
-        delay_ticks: Each of `DELAYS` in ticks.
+        delay_ticks: Each of `PAIR_DELAYS` in ticks.
         response_ticks: Ticks for which the velocity responds to a step of the position.
         response: Weights of the steps, newest first, in the velocity filter's response.
         position_lag, velocity_lag: Ticks by which each channel lags the other.
     """
 
     period: float
+    peak_decay: float
+    residual_decay: float
+    spike_decay: float
     hold_time: float
     averaged: int = whole()
     low: float
@@ -134,7 +140,7 @@ class PairLimits(Record):
     residual_by_speed: float
     spike: float
     evidence: float
-    delay_ticks: IntArray = whole(len(DELAYS))
+    delay_ticks: IntArray = whole(len(PAIR_DELAYS))
     response_ticks: int = whole()
     response: FloatArray = array(_RESPONSE_TICKS)
     position_lag: int = whole()
@@ -175,8 +181,7 @@ def check_pair(pair: Pair, limits: PairLimits, ticks: int, tolerance: float) -> 
     for k in (2, 1):
         pair.velocity_steps[k] = pair.velocity_steps[k - 1]
     pair.position_steps[0], pair.velocity_steps[0] = position_step, velocity_step
-    decay = math.exp(-limits.period / _PEAK_TIME)
-    pair.speed_peak = max(abs(velocity), pair.speed_peak * decay)
+    pair.speed_peak = max(abs(velocity), pair.speed_peak * limits.peak_decay)
     _detect_stuck_channel(pair, limits, position, velocity)
     _detect_spikes(pair, limits, ticks, velocity)
     reaccepted = ticks >= _VELOCITY_TICKS and _check_residual(pair, limits, ticks, tolerance)
@@ -221,8 +226,8 @@ def _check_jumps(
         position, velocity: Values of this tick, in range. In rad and rad/s.
 
     Returns:
-        Steps of position and velocity over this tick; that of a jump is replaced by the other one.
-        In rad.
+        Steps of position and velocity over this tick; the step of a channel that jumps is replaced
+        by its partner's. In rad.
     """
     dt, last = limits.period, pair.last_velocities
     position_step = position - pair.last_position
@@ -254,6 +259,12 @@ def _velocity_confirms(
 
     The velocity filter's response decides between two hypotheses: the joint made this step, or it
     repeated the previous step.
+
+    Args:
+        pair: State of the pair.
+        limits: Its limits.
+        position_step: Step of the position over this tick. In rad.
+        velocity_step: Integral of the velocity over this tick. In rad.
     """
     expected = limits.response[0] * position_step  # value of `velocity_step` if the joint made it
     for k in range(1, limits.response_ticks):
@@ -317,7 +328,7 @@ def _count_unchanged(
 
 _SMALL_SPIKE_RATIO = 0.35  # of a small spike's threshold to a clear one's
 # A spike adds 1 to a count that decays with `SPIKE_TIME`.
-_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within 64 ms
+_CLEAR_SPIKE_COUNT_LIMIT = 1.2  # of clear spikes: exceeded by two within 64 ms
 _SMALL_SPIKE_COUNT_LIMIT = 2.0  # of small spikes: exceeded by three within 38 ms
 _RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none for 48 ms
 
@@ -326,12 +337,11 @@ _RECENT_SPIKE_COUNT = 0.3  # of small spikes: below it, there was none for 48 ms
 def _detect_spikes(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> None:
     """Count spikes of the velocity, and reject it after two clear ones in quick succession."""
     spike = _spike_size(pair, limits, ticks, velocity)
-    decay = math.exp(-limits.period / SPIKE_TIME)
     clear = 1.0 if spike > limits.spike else 0.0
     small = 1.0 if spike > _SMALL_SPIKE_RATIO * limits.spike else 0.0
-    pair.spike_counts[_CLEAR] = decay * pair.spike_counts[_CLEAR] + clear
-    pair.spike_counts[_SMALL] = decay * pair.spike_counts[_SMALL] + small
-    if pair.spike_counts[_CLEAR] > _SPIKE_COUNT_LIMIT:
+    pair.spike_counts[_CLEAR] = limits.spike_decay * pair.spike_counts[_CLEAR] + clear
+    pair.spike_counts[_SMALL] = limits.spike_decay * pair.spike_counts[_SMALL] + small
+    if pair.spike_counts[_CLEAR] > _CLEAR_SPIKE_COUNT_LIMIT:
         pair.rejected_for[V] = limits.hold_time
 
 
@@ -353,7 +363,7 @@ def _spike_size(pair: Pair, limits: PairLimits, ticks: int, velocity: float) -> 
     if large and not limits.averaged and pair.rejected_for[P] <= 0.0:
         residual = 0.0  # of the two steps to which the velocity in question belongs
         for k in (1, 2):
-            tick = (ticks - k) % _HISTORY_TICKS
+            tick = (ticks - k) % _STEP_HISTORY_TICKS
             residual += pair.step_history[P, tick] - pair.step_history[V, tick]
         # A wrong velocity gives the residual period x deviation, a joint that moved like this 0.
         if abs(residual) < 0.5 * limits.period * deviation:
@@ -371,8 +381,7 @@ def _check_residual(pair: Pair, limits: PairLimits, ticks: int, tolerance: float
     """
     position_step = pair.position_steps[limits.velocity_lag]
     velocity_step = pair.velocity_steps[limits.position_lag]
-    decay = math.exp(-limits.period / RESIDUAL_TIME)
-    pair.residual = pair.residual * decay + position_step - velocity_step
+    pair.residual = pair.residual * limits.residual_decay + position_step - velocity_step
     _update_jump_peak(pair, limits, position_step, velocity_step)
     delayed = _delayed_channel(pair, limits, ticks, velocity_step)
     if delayed == _NO_CHANNEL and _agrees(pair, limits, tolerance):
@@ -386,9 +395,8 @@ def _update_jump_peak(
     pair: Pair, limits: PairLimits, position_step: float, velocity_step: float
 ) -> None:
     """Update the peak of the position's jumps."""
-    decay = math.exp(-limits.period / _PEAK_TIME)
     jump = min(abs(position_step - velocity_step), abs(position_step - pair.last_position_step))
-    pair.jump_peak = max(jump, pair.jump_peak * decay)
+    pair.jump_peak = max(jump, pair.jump_peak * limits.peak_decay)
     pair.last_position_step = position_step
 
 
@@ -407,7 +415,7 @@ _ALLOWANCE_RATIO = 0.01  # to `PairLimits.evidence`: decrease of each cumulative
 
 @compiled
 def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: float) -> int:
-    """Channel that repeats the other one's motion after one of `DELAYS`, or `_NO_CHANNEL`.
+    """Channel that repeats the other one's motion after one of `PAIR_DELAYS`, or `_NO_CHANNEL`.
 
     Cumulative sum test (Page, Biometrika 1954), for each channel and each delay. A tick adds by how
     much the delay explains the motion better than no delay does. The sum stays at or above zero:
@@ -425,7 +433,7 @@ def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: 
     # A velocity that is not filtered agrees with the newest step.
     newest_step = pair.position_steps[0]
     error = min((expected_step - velocity_step) ** 2, (newest_step - velocity_step) ** 2)
-    tick, evidence = ticks % _HISTORY_TICKS, pair.delay_evidence
+    tick, evidence = ticks % _STEP_HISTORY_TICKS, pair.delay_evidence
     pair.step_history[P, tick], pair.step_history[V, tick] = expected_step, velocity_step
     if error <= _ALLOWANCE_RATIO * limits.evidence and evidence[P] + evidence[V] <= 0.0:
         return _NO_CHANNEL  # each sum would stay zero
@@ -444,7 +452,7 @@ def _delayed_channel(pair: Pair, limits: PairLimits, ticks: int, velocity_step: 
     return _NO_CHANNEL
 
 
-_DELAY_ERROR_WEIGHT = 3.0  # of the squared residual that a delay leaves
+_DELAYED_STEP_WEIGHT = 3.0  # of the squared residual that a delay leaves
 _MAX_INCREASE_RATIO = 0.25  # to `evidence`: weight of a tick; a landing lasts fewer than five ticks
 _SATURATION_RATIO = 4.0  # to `evidence`: saturation of each cumulative sum
 
@@ -462,7 +470,7 @@ def _update_delay_sums(
 
     With e the squared residual without a delay, e(D) that of the delay D, and E the threshold:
 
-        S(D) <- S(D) + w (e - _DELAY_ERROR_WEIGHT e(D)) - _ALLOWANCE_RATIO E
+        S(D) <- S(D) + w (e - _DELAYED_STEP_WEIGHT e(D)) - _ALLOWANCE_RATIO E
         w = min(1, _MAX_INCREASE_RATIO E / e),   0 <= S(D) <= _SATURATION_RATIO E
 
     So a tick with a large error, as at a landing, has a small weight: the share of the error that
@@ -481,10 +489,10 @@ def _update_delay_sums(
     largest_error = _MAX_INCREASE_RATIO * limits.evidence
     weight = largest_error / max(undelayed_error, largest_error)
     largest, sums = 0.0, pair.delay_sums[channel]
-    for m in range(len(DELAYS)):
+    for m in range(len(PAIR_DELAYS)):
         earlier = tick - limits.delay_ticks[m]
-        error = step - partner_steps[earlier if earlier >= 0 else earlier + _HISTORY_TICKS]
-        increase = weight * (undelayed_error - _DELAY_ERROR_WEIGHT * error * error) - allowance
+        error = step - partner_steps[earlier if earlier >= 0 else earlier + _STEP_HISTORY_TICKS]
+        increase = weight * (undelayed_error - _DELAYED_STEP_WEIGHT * error * error) - allowance
         if partner_unreliable:
             increase = min(increase, 0.0)
         sums[m] = max(0.0, min(sums[m] + increase, _SATURATION_RATIO * limits.evidence))
@@ -637,7 +645,7 @@ def _substitute_velocity(
 
 _FROZEN_TICKS = 15  # without a change, after which a noisy signal counts as frozen
 _POSITION_TOLERANCE = 0.02  # rad, error from which a position stays rejected
-_FROZEN_POSITION_TOLERANCE = 0.002  # rad, the same for a position that does not change
+_FROZEN_POSITION_TOLERANCE = 0.002  # rad, error from which a frozen position stays rejected
 
 
 @compiled
@@ -682,15 +690,30 @@ def _extend_rejection(
         pair.rejected_for[channel] = limits.hold_time
 
 
-JOINT_FILTER_DELAY = 0.0045
-"""Group delay of `robot.JOINT_VELOCITY_FILTER` at 0 Hz. In s."""
+def _joint_filter_delay() -> float:
+    """Group delay of `robot.JOINT_VELOCITY_FILTER` at 0 Hz, to 0.1 ms. In s.
+
+    With the encoder's period T and the coefficients b_k of angles and a_k of past velocities:
+
+        T (sum of k^2 b_k / (2 sum of k b_k) - sum of k a_k / (1 + sum of a_k))
+
+    Source:
+        The filter's transfer function, expanded to first order in the frequency.
+    """
+    forward, back = (np.array(taps) for taps in robot.JOINT_VELOCITY_FILTER)
+    k, m = np.arange(len(forward)), 1 + np.arange(len(back))
+    delay = 0.5 * (k * k @ forward) / (k @ forward) - (m @ back) / (1.0 + back.sum())
+    return round(float(delay) / robot.ENCODER_RATE, 4)
+
+
+JOINT_FILTER_DELAY = _joint_filter_delay()
 
 # Set by hand above what healthy sensors show in recorded walks, pushes and landings. Columns: hip
 # roll, hip yaw, hip pitch, knee and toe drive; shin, tarsus and toe joint; an axis of the IMU.
 _LIMITS = {
     "still_speed": ([1.0] * 5, [1.0] * 3, 0.1),  # legs swing when it hangs
     "residual": ([0.004, 0.004, 0.006, 0.008, 0.008], [0.008, 0.008, 0.01], 0.005),
-    # That of the joints holds also where no filter delays the velocity.
+    # The joints' threshold also holds for a velocity that no filter delays.
     "residual_by_speed": ([0.001] * 5, [JOINT_FILTER_DELAY] * 3, 0.002),
     "spike": ([0.5, 0.5, 0.6, 1.2, 5.5], [0.9, 0.9, 1.5], 0.25),
     "evidence": ([4e-7, 4e-7, 6e-7, 6e-7, 1.2e-6], [4e-7, 8e-7, 5e-7], 1e-6),
@@ -709,6 +732,9 @@ def set_pair_limits(
         limits: Result, records of `PairLimits`. Shape (19,).
     """
     limits["period"], limits["hold_time"], limits["averaged"][IMU_PAIRS] = period, hold_time, 1
+    limits["peak_decay"] = math.exp(-period / _PEAK_TIME)
+    limits["residual_decay"] = math.exp(-period / RESIDUAL_TIME)
+    limits["spike_decay"] = math.exp(-period / SPIKE_TIME)
     _set_position_ranges(limits)
     for name, (of_leg_drives, of_leg_joints, of_imu) in _LIMITS.items():
         limits[name][DRIVE_PAIRS] = np.tile(of_leg_drives, len(LEGS))
@@ -724,13 +750,13 @@ def _set_position_ranges(limits: RecordArray) -> None:
     """Set the ranges of the positions: the mechanical stops of drives and joints, with a margin."""
     limits["low"], limits["high"] = -math.inf, math.inf
     for i, leg in enumerate(LEGS):
-        links = {link.name: link for link in robot.leg_links(leg)}
+        stops = robot.stops(leg)
         for first, names in (
             (len(LEG_DRIVES) * i, LEG_DRIVES),
             (FIRST_JOINT + len(LEG_SENSED_JOINTS) * i, LEG_SENSED_JOINTS),
         ):
             for k, name in enumerate(names):
-                low, high = links[name].joint.limits or (-math.inf, math.inf)
+                low, high = stops[name]
                 limits["low"][first + k] = low - _RANGE_MARGIN
                 limits["high"][first + k] = high + _RANGE_MARGIN
 
@@ -740,7 +766,7 @@ _DRIVE_NOISE_WEIGHT, _JOINT_NOISE_WEIGHT = 0.2, 2.5  # of encoders, relative to 
 
 def _set_delays(period: float, attitude_delay: float, limits: RecordArray) -> None:
     """Set the tested delays, the velocity filters' responses and the lags, all in ticks."""
-    ticks = [max(1, min(_HISTORY_TICKS - 1, round(delay / period))) for delay in DELAYS]
+    ticks = [max(1, min(_STEP_HISTORY_TICKS - 1, round(delay / period))) for delay in PAIR_DELAYS]
     limits["delay_ticks"] = ticks
     limits["response"][:, 0], limits["response_ticks"] = 1.0, 1  # a gyro has no filter
     for pairs, filters in (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cassie_control.control.robot import Robot, pendulum_height
-from cassie_gaits import robot
+from cassie_gaits import robot as model
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import UPRIGHT, ZERO, into, next_link
 from cassie_gaits.linkage import link_rotation
@@ -49,7 +49,7 @@ class Masses(Record):
 
 def leg_inertia(leg: str) -> LegInertia:
     """Links of a leg; springs, cranks and rods are merged with the links that carry them."""
-    links = {link.name: link for link in robot.leg_links(leg)}
+    links = {link.name: link for link in model.leg_links(leg)}
     record = LegInertia()
     for i, joint in enumerate(LEG_JOINTS):
         link = links[joint]
@@ -69,20 +69,20 @@ def leg_inertia(leg: str) -> LegInertia:
     return record
 
 
-def inertia_matrix(link: robot.Link) -> FloatArray:
+def inertia_matrix(link: model.Link) -> FloatArray:
     """Inertia of a link about its centre of mass. Shape (3, 3), in kg m^2."""
     xx, yy, zz, xy, xz, yz = link.inertia
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _merge_link(record: LegInertia, joint: str, link: robot.Link) -> None:
+def _merge_link(record: LegInertia, joint: str, link: model.Link) -> None:
     rotation = link_rotation(link)
     centre = np.array(link.position) + rotation @ np.array(link.com)
     _merge(record, joint, link.mass, centre, rotation @ inertia_matrix(link) @ rotation.T)
 
 
 def _merge_point_mass(
-    record: LegInertia, joint: str, link: robot.Link, centre: FloatArray | None = None
+    record: LegInertia, joint: str, link: model.Link, centre: FloatArray | None = None
 ) -> None:
     if centre is None:
         centre = np.array(link.position) + link_rotation(link) @ np.array(link.com)
@@ -156,7 +156,7 @@ def momentum_velocity(
         hy += tilt[1, k] * total[k]
     x, y, z = robot.com[0], robot.com[1], robot.com[2]
     vx, vy, vz = robot.com_velocity[0], robot.com_velocity[1], robot.com_velocity[2]
-    px, py, pz = robot.ankle[stance, 0], robot.ankle[stance, 1], robot.ankle[stance, 2]
+    px, py, pz = robot.toe_joint[stance, 0], robot.toe_joint[stance, 1], robot.toe_joint[stance, 2]
     ux, uy, uz = robot.velocity[0], robot.velocity[1], robot.velocity[2]
     hx += mass * (y * uz - z * uy - py * vz + pz * vy)
     hy += mass * (z * ux - x * uz - pz * vx + px * vz)
@@ -166,12 +166,12 @@ def momentum_velocity(
 
 def make_masses() -> Records[Masses]:
     """The masses of the robot, `Masses`. Shape (1,)."""
-    masses, pelvis = Masses(), robot.PELVIS
+    masses, pelvis = Masses(), model.PELVIS
     for i, leg in enumerate(LEGS):
         masses.records["legs"][0, i] = leg_inertia(leg).records[0]
     com = np.array(pelvis.com)
     spread = com @ com * np.eye(3) - np.outer(com, com)
     masses.pelvis[:] = inertia_matrix(pelvis) + pelvis.mass * spread
-    masses.mass = robot.total_mass()
+    masses.mass = model.MASS
     records: Records[Masses] = masses.records
     return records

@@ -77,8 +77,8 @@ def _pendulum_state(gains: PaperGains, robot: Robot, timing: StepTiming) -> Pend
     """The CoM as a pendulum on the stance toe joint."""
     stance = timing.stance
     return PendulumState(
-        robot.com[0] - robot.ankle[stance, 0],
-        robot.com[1] - robot.ankle[stance, 1],
+        robot.com[0] - robot.toe_joint[stance, 0],
+        robot.com[1] - robot.toe_joint[stance, 1],
         robot.com_velocity[0],
         robot.com_velocity[1],
         math.sqrt(GRAVITY / pendulum_height(robot, stance)),

@@ -274,7 +274,7 @@ def plan_landing(
     velocity = momentum_velocity(robots, stance, all_masses)
     state = _pendulum_state(gains, robot, timing, slope, velocity)
     hip = turned(robot.tilt, (HIP_ROLL_X, side * HIP_Y, 0.0))
-    hip_height = hip[2] - robot.ankle[stance, 2] + _hip_rise(timing, slope, step)
+    hip_height = hip[2] - robot.toe_joint[stance, 2] + _hip_rise(timing, slope, step)
     reach = _reach(gains, robot, side, hip, hip_height, state.rate)
     contact_lead = _contact_lead(gains, timing.velocity[0])
     trim_y = math.sin(commanded.roll_trim) * hip_height
@@ -368,9 +368,9 @@ def _pendulum_state(
 ) -> PendulumState:
     """Present state of the pendulum; its height is measured from the slope through the foot."""
     stance = timing.stance
-    x, y = robot.com[0] - robot.ankle[stance, 0], robot.com[1] - robot.ankle[stance, 1]
+    x, y = robot.com[0] - robot.toe_joint[stance, 0], robot.com[1] - robot.toe_joint[stance, 1]
     # Along a slope the CoM moves in a plane parallel to it, at this height above the foot.
-    plane_height = robot.com[2] - robot.ankle[stance, 2] - slope.ahead * x - slope.left * y
+    plane_height = robot.com[2] - robot.toe_joint[stance, 2] - slope.ahead * x - slope.left * y
     plane_height = max(MIN_PENDULUM_HEIGHT, plane_height)
     # `momentum_velocity` is L / (m height above the foot), here v is that over the plane.
     scale = pendulum_height(robot, stance) / plane_height

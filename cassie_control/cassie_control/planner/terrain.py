@@ -6,12 +6,12 @@ import math
 
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Robot
+from cassie_control.estimator import config as estimator_config
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import HIP_PITCH, KNEE, SHIN, TARSUS, TOE
 from cassie_gaits.records import FloatArray, Record, Records, array
 
-_STANDING_CONTACT = 0.5  # contact probability of a foot that stands on the ground
 _FLAT_PHASE = 0.25  # phase from which the stance foot lies flat
 _MAX_SLOPE = 0.6  # saturation of the estimated slope
 _PITCH_RATE_TIME = 0.03  # s, time constant of the low-pass of the stance foot's pitch rate
@@ -130,8 +130,8 @@ class GroundSlope(Record):
 def initialize_slope(slopes: Records[GroundSlope], robots: Records[Robot]) -> None:
     """Begin with the side slope on which both feet stand; level where a foot is in the air."""
     slope, robot = slopes[0], robots[0]
-    if slope.slope_time > 0.0 and robot.contact.min() >= _STANDING_CONTACT:
-        _, y, z = robot.ankle[0] - robot.ankle[1]
+    if slope.slope_time > 0.0 and robot.contact.min() >= estimator_config.ON_GROUND:
+        _, y, z = robot.toe_joint[0] - robot.toe_joint[1]
         slope.left = _saturate_slope(z * y / (y * y + _REGULARIZATION * _REGULARIZATION))
 
 
@@ -151,14 +151,8 @@ def update_in_stance(
     if slope.slope_time <= 0.0:
         return
     q = robot.joints[stance]
-    # `virtual_leg.foot_pitch` with the springs' deflection
-    pitch = (
-        -robot.pitch
-        + q[HIP_PITCH]
-        + (q[KNEE] + q[SHIN] + q[TARSUS])
-        + q[TOE]
-        + virtual_leg.TOE_OFFSET
-    )
+    thigh_to_tarsus = q[KNEE] + q[SHIN] + q[TARSUS]  # with the springs' deflection
+    pitch = virtual_leg.foot_pitch(robot.pitch, q[HIP_PITCH], q[TOE], thigh_to_tarsus)
     rate, slope.sole_pitch = (pitch - slope.sole_pitch) / slope.period, pitch
     slope.sole_pitch_rate += slope.period / _PITCH_RATE_TIME * (rate - slope.sole_pitch_rate)
     if phase < _FLAT_PHASE:
@@ -198,9 +192,9 @@ def update_at_touchdown(slopes: Records[GroundSlope], robots: Records[Robot], ne
     slope, robot = slopes[0], robots[0]
     if slope.slope_time <= 0.0:
         return
-    x = robot.ankle[new, 0] - robot.ankle[1 - new, 0]
-    y = robot.ankle[new, 1] - robot.ankle[1 - new, 1]
-    z = robot.ankle[new, 2] - robot.ankle[1 - new, 2]
+    x = robot.toe_joint[new, 0] - robot.toe_joint[1 - new, 0]
+    y = robot.toe_joint[new, 1] - robot.toe_joint[1 - new, 1]
+    z = robot.toe_joint[new, 2] - robot.toe_joint[1 - new, 2]
     residual = z - slope.ahead * x - slope.left * y
     correction_ahead, correction_left = _plane_correction(slope, x, y, z)
     if slope.sole_ticks > 0.0:

@@ -116,6 +116,11 @@ class RateCheck:
 
     A single sample with another time is no proof, as any node may send one: `CONFIRMED` samples
     must come at one other rate.
+
+    Args:
+        node: Node that the samples reach.
+        stop: Request to end.
+        control_rate: Rate for which the core was made. In Hz.
     """
 
     def __init__(self, node: Node, stop: Stop, control_rate: int) -> None:
@@ -130,7 +135,13 @@ class RateCheck:
         self._period, self._proofs = math.nan, 0
 
     def check(self, episode: int, seq: int, sample: Sample) -> None:
-        """Check samples until a rate 1 % off would show; cheap for later samples."""
+        """Check samples until a rate 1 % off would show; cheap for later samples.
+
+        Args:
+            episode: Episode of the sample.
+            seq: Control tick of the sample.
+            sample: The sample, with its time stamp.
+        """
         if episode == self._checked:
             return
         if episode != self._episode:

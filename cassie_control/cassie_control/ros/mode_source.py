@@ -39,6 +39,13 @@ class ModeSource:
         supervisor: Guard that accepts the modes of one supervisor.
         newer_state: The newer state that came during a wait, serialized; the loop takes it.
         substitute: The mode used in place of the mode made for the last tick; None if none was.
+
+    Args:
+        node: The controller.
+        stop: Request to end.
+        states: States that the controller answers; a wait takes newer ones from here.
+        conditions: Gets reports of problems.
+        period: Time between states. In s.
     """
 
     def __init__(

@@ -40,6 +40,13 @@ class OperatorSource:
 
     Attributes:
         operators: The persons who send commands. If a script is expected, they can only stop.
+
+    Args:
+        node: The supervisor.
+        stop: Request to end.
+        states: States that the supervisor answers.
+        conditions: Gets reports of problems.
+        scripted: Whether a script is expected.
     """
 
     def __init__(

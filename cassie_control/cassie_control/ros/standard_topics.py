@@ -9,6 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Imu
 
+from cassie_control.estimator.kinematic import IMU_RATE_VARIANCE, IMU_TILT_VARIANCE
 from cassie_control.ros.transforms import Transforms
 from cassie_gaits.link_frames import BASE_FRAME, IMU_FRAME, ODOM_FRAME
 from cassie_msgs.layout import RobotState, Sensors
@@ -17,8 +18,12 @@ from cassie_msgs.ros.stencil import Stencil
 RATE = 100
 """Highest rate of /imu/data and /odom, in robot time. In Hz."""
 
-# Variances of the IMU's readings: rad^2, (rad/s)^2, (m/s^2)^2.
-_IMU_VARIANCE = (math.radians(0.35) ** 2, math.radians(0.1) ** 2, 0.04**2)
+_ACCELEROMETER_VARIANCE = 0.04**2  # (m/s^2)^2
+_IMU_VARIANCES = {
+    "orientation": IMU_TILT_VARIANCE,
+    "angular_velocity": IMU_RATE_VARIANCE,
+    "linear_acceleration": _ACCELEROMETER_VARIANCE,
+}
 
 
 class StandardTopics:
@@ -35,7 +40,13 @@ class StandardTopics:
         self._transforms = Transforms(node, control_rate)
 
     def publish(self, seq: int, sample: Sensors, state: RobotState) -> None:
-        """Publish the messages that are due at this tick, if they have subscribers."""
+        """Publish the messages that are due at this tick, if they have subscribers.
+
+        Args:
+            seq: Control tick.
+            sample: Sample of this tick.
+            state: State of this tick.
+        """
         self._transforms.publish(seq, state)
         if seq % self._period != self._offset:
             return
@@ -70,7 +81,11 @@ class StandardTopics:
 
 
 def quaternion_of(yaw: float, pitch: float, roll: float) -> tuple[float, float, float, float]:
-    """Quaternion x, y, z, w of z-y-x Euler angles, in rad."""
+    """Quaternion x, y, z, w of z-y-x Euler angles.
+
+    Args:
+        yaw, pitch, roll: Angles. In rad.
+    """
     cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
     cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
     cr, sr = math.cos(roll / 2), math.sin(roll / 2)
@@ -105,9 +120,7 @@ def _diagonal(variances: list[float]) -> list[float]:
 def _imu_stencil() -> Stencil:
     message = Imu()
     message.header.frame_id = IMU_FRAME
-    for name, variance in zip(
-        ("orientation", "angular_velocity", "linear_acceleration"), _IMU_VARIANCE, strict=True
-    ):
+    for name, variance in _IMU_VARIANCES.items():
         getattr(message, f"{name}_covariance")[::4] = variance
     return Stencil(
         message, [("orientation", 4), ("angular_velocity", 3), ("linear_acceleration", 3)]

@@ -70,7 +70,14 @@ class StatusTopic:
         operator: OperatorSource,
         faults: tuple[str, ...],
     ) -> None:
-        """Publish now; arguments as of `follow`."""
+        """Publish now.
+
+        Args:
+            status: Status of the supervisor.
+            state: State that the supervisor has answered.
+            operator: Source of the operator's command.
+            faults: Faults of other nodes and of the operator, in words.
+        """
         message = SupervisorStatusMessage(
             mode=status.mode.name.lower(),
             requested=status.requested.name.lower(),

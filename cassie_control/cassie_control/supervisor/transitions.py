@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from cassie_control.estimator.config import ON_GROUND
 from cassie_control.supervisor.config import SupervisorConfig
 from cassie_control.supervisor.limits import limits_in_force
 from cassie_control.supervisor.posture import Posture
@@ -84,7 +85,7 @@ def carries_weight(now: TransitionInputs) -> str:
     """Condition: both feet are on the ground and carry the robot."""
     carried = float(now.state.foot_force.sum())
     loaded = carried >= now.config.weight_share * WEIGHT
-    if loaded and float(now.state.contact_probability.min()) >= 0.5:
+    if loaded and float(now.state.contact_probability.min()) >= ON_GROUND:
         return ""
     carried = max(0.0, carried)  # in the air the estimate may be below zero
     return f"the feet carry {carried:.0f} N of {WEIGHT:.0f} N: let it down"

@@ -54,7 +54,7 @@ class Row:
 
 
 class Block:
-    """Constraints, and perhaps a share of the cost, at several instants.
+    """Constraints, and perhaps a part of the cost, at several instants.
 
     Args:
         name: Name of the block.
@@ -99,14 +99,14 @@ class Block:
         self._form = form
         self._inner = inner or Inner(z, z)
         self._outer_values = ca.vertcat(*(row.value / row.scale for row in rows))
-        self._outer_price = cost
-        price = ca.SX(0) if cost is None else cost
+        self._outer_cost = cost
+        outer_cost = ca.SX(0) if cost is None else cost
         if inner is not None:
             self._inner = Inner(inner.symbols, ca.cse(inner.values))
-        self._values, self._price = ca.substitute(
-            [self._outer_values, price], [self._inner.symbols], [self._inner.values]
+        self._values, self._cost = ca.substitute(
+            [self._outer_values, outer_cost], [self._inner.symbols], [self._inner.values]
         )
-        self._value = ca.Function(f"{name}_value", [z, p], [self._values, self._price])
+        self._value = ca.Function(f"{name}_value", [z, p], [self._values, self._cost])
 
     @property
     def size(self) -> int:
@@ -119,71 +119,80 @@ class Block:
 
     def value(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Constraints and cost."""
-        values, prices = self._value.map(self.count)(self._points(x), self._repeat(p))
-        return ca.vec(values), ca.dot(prices, self.weights)
+        values, costs = self._value.map(self.count)(self._points(x), self._repeat(p))
+        return ca.vec(values), ca.dot(costs, self.weights)
 
-    def slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+    def jacobian(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Constraints and their Jacobian."""
-        slope = ca.Function(
-            f"{self._name}_slope",
+        function = ca.Function(
+            f"{self._name}_jacobian",
             [self._z, self._p],
             [self._values, ca.jacobian(self._values, self._z)],
         )
-        values, jacobians = slope.map(self.count)(self._points(x), self._repeat(p))
-        blocks = ca.diagcat(*ca.horzsplit(jacobians, slope.size2_out(1)))
+        values, jacobians = function.map(self.count)(self._points(x), self._repeat(p))
+        blocks = ca.diagcat(*ca.horzsplit(jacobians, function.size2_out(1)))
         return ca.vec(values), ca.mtimes(blocks, self.map)
 
-    def cost_slope(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
+    def cost_gradient(self, x: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX]:
         """Cost and its gradient."""
-        if self._outer_price is None:
+        if self._outer_cost is None:
             return ca.MX(0), ca.MX(x.size1(), 1)
-        slope = ca.Function(
-            f"{self._name}_cost_slope",
+        function = ca.Function(
+            f"{self._name}_cost_gradient",
             [self._z, self._p],
-            [self._price, ca.gradient(self._price, self._z)],
+            [self._cost, ca.gradient(self._cost, self._z)],
         )
-        prices, gradients = slope.map(self.count)(self._points(x), self._repeat(p))
+        costs, gradients = function.map(self.count)(self._points(x), self._repeat(p))
         weighted = gradients * ca.repmat(self.weights, gradients.size1(), 1)
-        return ca.dot(prices, self.weights), ca.mtimes(self.map.T, ca.vec(weighted))
+        return ca.dot(costs, self.weights), ca.mtimes(self.map.T, ca.vec(weighted))
 
-    def bend(self, x: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> ca.MX:
-        """Hessian of the Lagrangian."""
-        lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
-        bend = ca.Function(
-            f"{self._name}_bend", [self._z, self._p, lam, share], [self._hessian(lam, share)]
+    def hessian(self, x: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> ca.MX:
+        """Hessian of the Lagrangian.
+
+        Args:
+            x: Unknowns.
+            p: Parameters.
+            multipliers: Multipliers of this block's constraints.
+            sigma: Factor of the cost.
+        """
+        lam, factor = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
+        function = ca.Function(
+            f"{self._name}_hessian",
+            [self._z, self._p, lam, factor],
+            [self._lagrangian_hessian(lam, factor)],
         )
-        hessians = bend.map(self.count)(
+        hessians = function.map(self.count)(
             self._points(x),
             self._repeat(p),
             ca.reshape(multipliers, len(self.rows), self.count),
             sigma * self.weights,
         )
-        blocks = ca.diagcat(*ca.horzsplit(hessians, bend.size2_out(0)))
+        blocks = ca.diagcat(*ca.horzsplit(hessians, function.size2_out(0)))
         return ca.mtimes(self.map.T, ca.mtimes(blocks, self.map))
 
     def value_tape(self) -> Tape:
         """Tape from z, p to rows and cost, stacked vertically."""
-        return self._tape("value", [], lambda: ca.vertcat(self._values, self._price))
+        return self._tape("value", [], lambda: ca.vertcat(self._values, self._cost))
 
-    def slope_tape(self) -> Tape:
+    def jacobian_tape(self) -> Tape:
         """Tape from z, p to rows, cost, gradient of the cost by z, and Jacobian by z by columns."""
 
         def outputs() -> ca.SX:
             jacobian = ca.jacobian(self._values, self._z)
-            slope = ca.gradient(self._price, self._z)
-            return ca.vertcat(self._values, self._price, slope, ca.vec(ca.densify(jacobian)))
+            gradient = ca.gradient(self._cost, self._z)
+            return ca.vertcat(self._values, self._cost, gradient, ca.vec(ca.densify(jacobian)))
 
-        return self._tape("slope", [], outputs)
+        return self._tape("jacobian", [], outputs)
 
-    def bend_tape(self) -> Tape:
+    def hessian_tape(self) -> Tape:
         """Tape from z, p, multipliers, factor of the cost to the Hessian's upper half by rows."""
-        lam, share = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
+        lam, factor = ca.SX.sym("multipliers", len(self.rows)), ca.SX.sym("sigma")
 
         def outputs() -> ca.SX:
-            bend = ca.densify(self._hessian(lam, share))
-            return ca.vertcat(*(bend[i, i:].T for i in range(bend.size1())))
+            hessian = ca.densify(self._lagrangian_hessian(lam, factor))
+            return ca.vertcat(*(hessian[i, i:].T for i in range(hessian.size1())))
 
-        return self._tape("bend", [lam, share], outputs)
+        return self._tape("hessian", [lam, factor], outputs)
 
     def _tape(self, what: str, more: list[ca.SX], outputs: Callable[[], ca.SX]) -> Tape:
         """The tape, made once for all blocks of a form, as that takes a second."""
@@ -193,18 +202,25 @@ class Block:
             _TAPES[key] = Tape(f"{self._name}_{what}", inputs, outputs())
         return _TAPES[key]
 
-    def _hessian(self, lam: ca.SX, share: ca.SX) -> ca.SX:
-        """Hessian of the Lagrangian, by the chain rule through the inner values."""
+    def _lagrangian_hessian(self, lam: ca.SX, factor: ca.SX) -> ca.SX:
+        """Hessian of the Lagrangian, by the chain rule through the inner values.
+
+        Args:
+            lam: Multipliers of the rows.
+            factor: Factor of the cost.
+        """
         lagrangian = ca.dot(lam, self._outer_values)
-        if self._outer_price is not None:
-            lagrangian += share * self._outer_price
-        outer, slope = ca.hessian(lagrangian, self._inner.symbols)
+        if self._outer_cost is not None:
+            lagrangian += factor * self._outer_cost
+        outer, gradient = ca.hessian(lagrangian, self._inner.symbols)
         if self._inner.values is self._z:
             return outer
-        outer, slope = ca.substitute([outer, slope], [self._inner.symbols], [self._inner.values])
-        price = ca.SX.sym("price", slope.size1())
-        own = ca.hessian(ca.dot(price, self._inner.values), self._z)[0]
-        own = ca.substitute(own, price, slope)
+        outer, gradient = ca.substitute(
+            [outer, gradient], [self._inner.symbols], [self._inner.values]
+        )
+        weights = ca.SX.sym("weights", gradient.size1())
+        own = ca.hessian(ca.dot(weights, self._inner.values), self._z)[0]
+        own = ca.substitute(own, weights, gradient)
         jacobian = ca.jacobian(self._inner.values, self._z)
         return own + ca.mtimes([jacobian.T, outer, jacobian])
 

@@ -25,10 +25,10 @@ from cassie_gaits.records import FloatArray, IntArray
 MOST_NAMED = 6
 """Largest number of rows that are named on each side."""
 
-MISSED = 1e-4
+VIOLATED = 1e-4
 """Threshold of the scaled violation from which a row counts as violated."""
 
-WEIGHTY = 0.02
+CONFLICT_RATIO = 0.02
 """Ratio to the largest multiplier, from which a row that holds counts as in conflict."""
 
 _TIGHT = 2e-3
@@ -91,16 +91,18 @@ def conflict(request: Request, unknowns: FloatArray) -> Conflict:
         lbg=lower,
         ubg=upper,
     )
-    w, prices, bound_prices = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
+    w, multipliers, bound_multipliers = (
+        np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x")
+    )
     size = program.unknowns
     below, above = w[size:].reshape(2, -1)
-    misses = np.zeros(len(program.rows))
-    misses[soft] = np.abs(below - above)
-    missed = _missed(program, misses)
+    violations = np.zeros(len(program.rows))
+    violations[soft] = np.abs(below - above)
+    missed = _missed(program, violations)
     if not missed:
-        misses[:] = 0.0
-        prices, bound_prices = _prices(program, request, x0)
-    return Conflict(missed, _against(program, misses, prices, bound_prices[:size]))
+        violations[:] = 0.0
+        multipliers, bound_multipliers = _multipliers(program, request, x0)
+    return Conflict(missed, _against(program, violations, multipliers, bound_multipliers[:size]))
 
 
 def _soft(program: Problem) -> IntArray:
@@ -124,8 +126,8 @@ def _elastic(symmetric: bool) -> ca.Function:
     ones = ca.MX.ones(2 * len(soft))
     gradient = ca.vertcat(_NEAR * (x - first), ones)
     sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", rows)
-    bend = program.derivatives["hess_lag"](x, given, 0.0, lam) + sigma * _NEAR * ca.DM.eye(n)
-    hessian = ca.diagcat(bend, ca.MX(2 * len(soft), 2 * len(soft)))
+    lagrangian = program.derivatives["hess_lag"](x, given, 0.0, lam) + sigma * _NEAR * ca.DM.eye(n)
+    hessian = ca.diagcat(lagrangian, ca.MX(2 * len(soft), 2 * len(soft)))
     derivatives = {
         "grad_f": ca.Function("nlp_grad_f", [w, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
         "jac_g": ca.Function(
@@ -148,28 +150,30 @@ def _elastic(symmetric: bool) -> ca.Function:
     return ca.nlpsol("conflict", "ipopt", elastic, options | {"calc_lam_p": False, **derivatives})
 
 
-def _prices(program: Problem, request: Request, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _multipliers(
+    program: Problem, request: Request, x: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Multipliers of rows and bounds at their limits, by least squares of the cost's gradient."""
     p = parameters(request)
     gradient = np.array(program.derivatives["grad_f"](x, p)[1]).ravel()
-    g, slope = program.derivatives["jac_g"](x, p)
-    values, jacobian = np.array(g).ravel(), np.array(slope)
+    g, rows = program.derivatives["jac_g"](x, p)
+    values, jacobian = np.array(g).ravel(), np.array(rows)
     lower, upper = row_bounds(program, request)
     x_lower, x_upper = unknown_bounds(program, request)
     tight = np.flatnonzero((values - lower < _TIGHT) | (upper - values < _TIGHT))
     fixed = np.flatnonzero((x - x_lower < _TIGHT) | (x_upper - x < _TIGHT))
     sides = np.vstack([jacobian[tight], np.eye(len(x))[fixed]])
     found = np.linalg.lstsq(sides.T, -gradient, rcond=None)[0]
-    prices, bound_prices = np.zeros(len(values)), np.zeros(len(x))
-    prices[tight], bound_prices[fixed] = found[: len(tight)], found[len(tight) :]
-    return prices, bound_prices
+    multipliers, bound_multipliers = np.zeros(len(values)), np.zeros(len(x))
+    multipliers[tight], bound_multipliers[fixed] = found[: len(tight)], found[len(tight) :]
+    return multipliers, bound_multipliers
 
 
-def _missed(program: Problem, misses: FloatArray) -> tuple[str, ...]:
+def _missed(program: Problem, violations: FloatArray) -> tuple[str, ...]:
     worst: dict[str, tuple[float, str]] = {}
-    for row, miss in zip(program.rows, misses.tolist(), strict=True):
-        if miss > MISSED and miss > worst.get(row.name, (0.0, ""))[0]:
-            worst[row.name] = (miss, row.unit)
+    for row, violation in zip(program.rows, violations.tolist(), strict=True):
+        if violation > VIOLATED and violation > worst.get(row.name, (0.0, ""))[0]:
+            worst[row.name] = (violation, row.unit)
     ordered = sorted(worst.items(), key=lambda item: -item[1][0])
     return tuple(f"{name} (by {f'{by:.3g} {unit}'.strip()})" for name, (by, unit) in ordered)[
         :MOST_NAMED
@@ -177,19 +181,21 @@ def _missed(program: Problem, misses: FloatArray) -> tuple[str, ...]:
 
 
 def _against(
-    program: Problem, misses: FloatArray, prices: FloatArray, bound_prices: FloatArray
+    program: Problem, violations: FloatArray, multipliers: FloatArray, bound_multipliers: FloatArray
 ) -> tuple[str, ...]:
     """Rows and bounds that hold, by the sum of their multipliers."""
-    missed = {row.name for row, miss in zip(program.rows, misses, strict=True) if miss > MISSED}
+    missed = {program.rows[i].name for i in np.flatnonzero(violations > VIOLATED)}
     sums: dict[str, float] = {}
-    for row, price in zip(program.rows, np.abs(prices).tolist(), strict=True):
+    for row, multiplier in zip(program.rows, np.abs(multipliers).tolist(), strict=True):
         if not row.law and row.name not in missed:
-            sums[row.name] = sums.get(row.name, 0.0) + price
-    for name, price in zip(_names_of_unknowns(program), np.abs(bound_prices), strict=True):
-        sums[name] = sums.get(name, 0.0) + float(price)
+            sums[row.name] = sums.get(row.name, 0.0) + multiplier
+    for name, multiplier in zip(
+        _names_of_unknowns(program), np.abs(bound_multipliers), strict=True
+    ):
+        sums[name] = sums.get(name, 0.0) + float(multiplier)
     ordered = sorted(sums.items(), key=lambda item: -item[1])
-    least = WEIGHTY * ordered[0][1]
-    return tuple(name for name, price in ordered[:MOST_NAMED] if price > least)
+    least = CONFLICT_RATIO * ordered[0][1]
+    return tuple(name for name, total in ordered[:MOST_NAMED] if total > least)
 
 
 def _names_of_unknowns(program: Problem) -> list[str]:

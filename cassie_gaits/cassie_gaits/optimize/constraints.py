@@ -14,7 +14,7 @@ from cassie_gaits.optimize.blocks import Block, Inner, Row
 from cassie_gaits.optimize.inverse_dynamics import RIGID_JOINTS
 from cassie_gaits.optimize.posture import SIZE, places, posture
 from cassie_gaits.optimize.request import Limits
-from cassie_gaits.optimize.step_model import GRAVITY, Instant, instant, touchdown
+from cassie_gaits.optimize.step_model import Instant, instant, touchdown
 from cassie_gaits.records import FloatArray
 
 PARAMETERS = ("vx", "vy", "yaw_rate", "step_time", "clearance", "slope", "payload", "asymmetry")
@@ -104,7 +104,7 @@ def _inner_values(at: Instant) -> list[ca.SX]:
 
 
 def _dynamics_rows(at: dict[str, ca.SX], limits: Limits) -> list[Row]:
-    weight = robot.total_mass() * GRAVITY  # only a scale, so the payload is omitted
+    weight = robot.WEIGHT  # only a scale, so the payload is omitted
     along, side, across = ca.vertsplit(at["force"])
     cone = (limits.share * limits.friction * across) ** 2 - along**2 - side**2
     toe = RIGID_JOINTS.index("toe")
@@ -143,7 +143,13 @@ def _cost(at: dict[str, ca.SX], limits: Limits) -> ca.SX:
 
 
 def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
-    """Block of distances and, unless `lean`, joint stops over the whole step."""
+    """Block of distances and joint stops over the whole step.
+
+    Args:
+        limits: Bounds.
+        place: Matrix from all unknowns to those of this step.
+        lean: Whether to omit the joint stops.
+    """
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     at = posture(y, by_name["slope"])
@@ -172,27 +178,27 @@ def posture_block(limits: Limits, place: FloatArray, *, lean: bool) -> Block:
     return Block("posture", y, p, rows, maps, form=("posture", limits, lean))
 
 
+_STOP_MARGIN = 1e-3  # rad, by which joints stay inside their stops
+
+
 def _stop_rows(side: str, joints: ca.SX) -> list[Row]:
-    rows = []
+    rows, stops = [], robot.stops(LEGS[side]) | {"knee": robot.KNEE_STOPS}
     for i, joint in enumerate(RIGID_JOINTS):
-        low, high = _stops(LEGS[side], joint)
+        low, high = stops[joint]
         name = f"stops of {side} {joint.replace('_', ' ')}"
-        rows.append(Row(name, joints[i], low, high, unit="rad"))
+        rows.append(Row(name, joints[i], low + _STOP_MARGIN, high - _STOP_MARGIN, unit="rad"))
     return rows
 
 
-def _stops(leg: str, joint: str) -> tuple[float, float]:
-    """Range of a joint; the knee's range includes the tarsus's stops, which moves against it."""
-    stops = {link.name: link.joint.limits or (-INF, INF) for link in robot.leg_links(leg)}
-    low, high = stops[joint]
-    if joint == "knee":
-        low = max(low, robot.NEUTRAL_TARSUS - stops["tarsus"][1])
-        high = min(high, robot.NEUTRAL_TARSUS - stops["tarsus"][0])
-    return low + 1e-3, high - 1e-3
-
-
 def clearance_block(limits: Limits, place: FloatArray, *, middle: bool) -> Block:
-    """Height of the swing foot: at mid-step at least the clearance, otherwise above the ground."""
+    """Block of the swing foot's height.
+
+    Args:
+        limits: Bounds.
+        place: Matrix from all unknowns to those of this step.
+        middle: True for a height of at least the clearance at mid-step, false for a foot above the
+            ground during the step.
+    """
     p, by_name = parameter_symbols()
     y = ca.SX.sym("y", SIZE)
     slope = by_name["slope"]

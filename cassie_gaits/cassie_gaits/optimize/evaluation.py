@@ -19,13 +19,13 @@ class Values:
     Attributes:
         cost: Scaled cost.
         rows: Constraints. Shape (rows,).
-        cost_slope: Gradient of the scaled cost. Shape (unknowns,).
+        cost_gradient: Gradient of the scaled cost. Shape (unknowns,).
         jacobian: Jacobian of the constraints. Shape (rows, unknowns).
     """
 
     cost: float
     rows: FloatArray
-    cost_slope: FloatArray
+    cost_gradient: FloatArray
     jacobian: FloatArray
 
 
@@ -54,19 +54,28 @@ class Evaluation:
     def values(self, x: FloatArray, p: FloatArray) -> Values:
         """Cost and constraints with their first derivatives."""
         rows, jacobian = np.empty(self._count), np.zeros((self._count, self._unknowns))
-        cost, cost_slope = 0.0, np.zeros(self._unknowns)
+        cost, cost_gradient = 0.0, np.zeros(self._unknowns)
         for part, at in zip(self._parts, self._rows, strict=True):
-            share, slope, rows[at], jacobian[at, part.columns] = part.slopes(x, p)
-            cost += share
-            cost_slope[part.columns] += slope
-        return Values(self._scale * cost, rows, self._scale * cost_slope, jacobian)
+            part_cost, gradient, rows[at], jacobian[at, part.columns] = part.derivatives(x, p)
+            cost += part_cost
+            cost_gradient[part.columns] += gradient
+        return Values(self._scale * cost, rows, self._scale * cost_gradient, jacobian)
 
     def hessian(self, x: FloatArray, p: FloatArray, multipliers: FloatArray) -> FloatArray:
-        """Hessian of the Lagrangian. Shape (unknowns, unknowns)."""
+        """Hessian of the Lagrangian.
+
+        Args:
+            x: Unknowns. Shape (unknowns,).
+            p: Parameters. Shape (parameters,).
+            multipliers: Multipliers of the constraints. Shape (rows,).
+
+        Returns:
+            Shape (unknowns, unknowns).
+        """
         result = np.zeros((self._unknowns, self._unknowns))
         for part, at in zip(self._parts, self._rows, strict=True):
-            bend = part.hessian(x, p, multipliers[at], self._scale)
-            result[part.columns, part.columns] += bend
+            hessian = part.hessian(x, p, multipliers[at], self._scale)
+            result[part.columns, part.columns] += hessian
         return result
 
 
@@ -81,36 +90,36 @@ class _Part:
         self._count, self._size = self._maps.shape[:2]
         self._height = len(block.rows)
         self._weights, self._signs = np.array(block.weights).ravel(), block.signs
-        self._value, self._slope = block.value_tape(), block.slope_tape()
-        self._bend = block.bend_tape()
+        self._value, self._jacobian = block.value_tape(), block.jacobian_tape()
+        self._hessian = block.hessian_tape()
         self._upper = np.triu_indices(self._size)
 
     def values(self, x: FloatArray, p: FloatArray) -> tuple[float, FloatArray]:
         out = self._value.run(self._inputs(x, p))
         return float(self._weights @ out[-1]), out[:-1].T.ravel()
 
-    def slopes(
+    def derivatives(
         self, x: FloatArray, p: FloatArray
     ) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-        out = self._slope.run(self._inputs(x, p))
+        out = self._jacobian.run(self._inputs(x, p))
         height, size = self._height, self._size
-        rows, prices, out = out[:height].T.ravel(), out[height], out[height + 1 :]
+        rows, costs, out = out[:height].T.ravel(), out[height], out[height + 1 :]
         gradients = out[:size].T * self._weights[:, np.newaxis]
-        slope = np.tensordot(gradients, self._maps, axes=2)
+        gradient = np.tensordot(gradients, self._maps, axes=2)
         jacobians = np.ascontiguousarray(out[size:].T).reshape(-1, size, height).swapaxes(1, 2)
         jacobian = np.matmul(jacobians, self._maps).reshape(len(rows), -1)
-        return float(self._weights @ prices), slope, rows, jacobian
+        return float(self._weights @ costs), gradient, rows, jacobian
 
     def hessian(
         self, x: FloatArray, p: FloatArray, multipliers: FloatArray, scale: float
     ) -> FloatArray:
         lam = multipliers.reshape(self._count, self._height).T
-        share = (scale * self._weights)[np.newaxis]
-        out = self._bend.run(np.concatenate([self._inputs(x, p), lam, share]))
-        bends = np.zeros((self._count, self._size, self._size))
+        factor = (scale * self._weights)[np.newaxis]
+        out = self._hessian.run(np.concatenate([self._inputs(x, p), lam, factor]))
+        hessians = np.zeros((self._count, self._size, self._size))
         rows, columns = self._upper
-        bends[:, rows, columns] = bends[:, columns, rows] = out.T
-        first = np.matmul(bends, self._maps).reshape(-1, self._maps.shape[2])
+        hessians[:, rows, columns] = hessians[:, columns, rows] = out.T
+        first = np.matmul(hessians, self._maps).reshape(-1, self._maps.shape[2])
         result: FloatArray = self._maps.reshape(first.shape).T @ first
         return result
 

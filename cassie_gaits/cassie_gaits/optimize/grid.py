@@ -33,12 +33,21 @@ def gauss() -> tuple[FloatArray, FloatArray]:
 
 
 def bernstein(degree: int, phase: float, derivative: int = 0) -> FloatArray:
-    """Bernstein polynomials of a degree, or a derivative of them. Shape (degree + 1,)."""
+    """Bernstein polynomials at one phase, or a derivative of them by the phase.
+
+    Args:
+        degree: Degree of the polynomials.
+        phase: In [0, 1].
+        derivative: Order of the derivative; 0 for the polynomials.
+
+    Returns:
+        Shape (degree + 1,).
+    """
     if derivative:
         lower = bernstein(degree - 1, phase, derivative - 1)
         padded = np.concatenate([[0.0], lower, [0.0]])
-        slope: FloatArray = degree * (padded[:-1] - padded[1:])
-        return slope
+        difference: FloatArray = degree * (padded[:-1] - padded[1:])
+        return difference
     i = np.arange(degree + 1)
     binomial = np.array([comb(degree, int(k)) for k in i], dtype=np.float64)
     result: FloatArray = binomial * phase**i * (1.0 - phase) ** (degree - i)

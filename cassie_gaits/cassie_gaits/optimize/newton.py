@@ -31,7 +31,7 @@ _SHIFTS = (0.0, 1e-2, 1.0, 1e2, 1e4)
 _SOLVED, _FALL = 10.0, 0.2
 """Ratio of error to barrier at which a barrier problem counts as solved, and factor of the next."""
 
-_PRICE_SCALE = 100.0
+_MULTIPLIER_SCALE = 100.0
 _LESS = 1e-5
 """Least relative progress that the filter accepts."""
 
@@ -52,8 +52,8 @@ class Bounds:
 
 
 @dataclass(frozen=True, eq=False)
-class Ended:
-    """End of the iteration.
+class Result:
+    """Result of the iteration.
 
     Attributes:
         unknowns: Unknowns at the end. Shape (unknowns,).
@@ -74,18 +74,18 @@ class _Iterate:
         x: Unknowns. Shape (unknowns,).
         w: Variables with bounds: free unknowns, then slacks of the inequalities. Shape (m,).
         low, high: Multipliers of the bounds of `w`. Shape (m,).
-        prices: Multipliers of the rows. Shape (rows,).
+        multipliers: Multipliers of the rows. Shape (rows,).
         values: Values of the program at x.
-        miss: Differences of rows from their targets or slacks. Shape (rows,).
+        residuals: Differences of rows from their targets or slacks. Shape (rows,).
     """
 
     x: FloatArray
     w: FloatArray
     low: FloatArray
     high: FloatArray
-    prices: FloatArray
+    multipliers: FloatArray
     values: Values
-    miss: FloatArray
+    residuals: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class _Step:
     change: FloatArray
     low: FloatArray
     high: FloatArray
-    prices: FloatArray
+    multipliers: FloatArray
 
 
 class Newton:
@@ -127,36 +127,38 @@ class Newton:
         self._has_lower, self._has_upper = np.isfinite(self._lower), np.isfinite(self._upper)
         self._filter: list[tuple[float, float]] = []
 
-    def run(self, start: FloatArray, most: int, inside: float, barrier: float) -> Ended:
+    def run(
+        self, start: FloatArray, max_steps: int, bound_distance: float, barrier: float
+    ) -> Result:
         """Iterate.
 
         Args:
             start: Unknowns at the start.
-            most: Largest number of steps.
-            inside: Least distance from the bounds at the start.
+            max_steps: Largest number of steps.
+            bound_distance: Least distance from the bounds at the start.
             barrier: Barrier at the start; it decreases to that of the class.
         """
         self._filter.clear()
         self._barrier = max(barrier, self._last)
-        at = self._begin(start, inside)
+        at = self._begin(start, bound_distance)
         if at is None:
-            return Ended(start, "Invalid_Number_Detected", 0)
-        for iteration in range(most + 1):
+            return Result(start, "Invalid_Number_Detected", 0)
+        for iteration in range(max_steps + 1):
             while self._barrier > self._last and self._error(at) <= _SOLVED * self._barrier:
                 self._barrier = max(self._last, _FALL * self._barrier)
                 self._filter.clear()
             if self._barrier == self._last and self._error(at) <= TOLERANCE:
-                return Ended(at.x, "Solve_Succeeded", iteration)
-            if iteration == most:
+                return Result(at.x, "Solve_Succeeded", iteration)
+            if iteration == max_steps:
                 break
             step = self._step(at)
             if step is None:
-                return Ended(at.x, "Error_In_Step_Computation", iteration)
+                return Result(at.x, "Error_In_Step_Computation", iteration)
             if not self._advance(at, step):
-                return Ended(at.x, "Search_Direction_Becomes_Too_Small", iteration)
-        return Ended(at.x, "Maximum_Iterations_Exceeded", most)
+                return Result(at.x, "Search_Direction_Becomes_Too_Small", iteration)
+        return Result(at.x, "Maximum_Iterations_Exceeded", max_steps)
 
-    def _begin(self, start: FloatArray, inside: float) -> _Iterate | None:
+    def _begin(self, start: FloatArray, bound_distance: float) -> _Iterate | None:
         """First iterate, inside the bounds, with its multipliers; None where a value is not finite.
 
         On a steep slope the bounds can move the start to a posture that the legs cannot take.
@@ -164,38 +166,39 @@ class Newton:
         n = len(self._free)
         x = np.clip(start, *self._x_bounds)
         rows = self._evaluation.cost_and_rows(x, self._p)[1]
-        w = self._moved_inside(np.concatenate([x[self._free], rows[self._unequal]]), inside)
+        w = self._moved_inside(np.concatenate([x[self._free], rows[self._unequal]]), bound_distance)
         x[self._free] = w[:n]
         values = self._evaluation.values(x, self._p)
-        found = (w, values.cost, values.rows, values.cost_slope, values.jacobian)
+        found = (w, values.cost, values.rows, values.cost_gradient, values.jacobian)
         if not all(np.isfinite(part).all() for part in found):
             return None
         low, high = self._barrier / (w - self._lower), self._barrier / (self._upper - w)
-        prices = np.empty(len(values.rows))
-        prices[self._unequal] = (high - low)[n:]
+        multipliers = np.empty(len(values.rows))
+        multipliers[self._unequal] = (high - low)[n:]
         jacobian = values.jacobian[:, self._free]
-        rest = values.cost_slope[self._free] + (high - low)[:n]
-        rest += jacobian[self._unequal].T @ prices[self._unequal]
-        prices[self._equal] = np.linalg.lstsq(jacobian[self._equal].T, -rest, rcond=None)[0]
-        return _Iterate(x, w, low, high, prices, values, self._miss(values.rows, w))
+        rest = values.cost_gradient[self._free] + (high - low)[:n]
+        rest += jacobian[self._unequal].T @ multipliers[self._unequal]
+        multipliers[self._equal] = np.linalg.lstsq(jacobian[self._equal].T, -rest, rcond=None)[0]
+        return _Iterate(x, w, low, high, multipliers, values, self._residuals(values.rows, w))
 
-    def _moved_inside(self, w: FloatArray, inside: float) -> FloatArray:
-        gap = np.minimum(inside, 1e-2 * (self._upper - self._lower))
+    def _moved_inside(self, w: FloatArray, bound_distance: float) -> FloatArray:
+        gap = np.minimum(bound_distance, 1e-2 * (self._upper - self._lower))
         return np.clip(w, self._lower + gap, self._upper - gap)
 
-    def _miss(self, rows: FloatArray, w: FloatArray) -> FloatArray:
-        miss = np.empty(len(rows))
-        miss[self._equal] = rows[self._equal] - self._target
-        miss[self._unequal] = rows[self._unequal] - w[len(self._free) :]
-        return miss
+    def _residuals(self, rows: FloatArray, w: FloatArray) -> FloatArray:
+        residuals = np.empty(len(rows))
+        residuals[self._equal] = rows[self._equal] - self._target
+        residuals[self._unequal] = rows[self._unequal] - w[len(self._free) :]
+        return residuals
 
     def _error(self, at: _Iterate) -> float:
         """Error of the optimality conditions, scaled as in IPOPT."""
         n = len(self._free)
         pull = at.high - at.low
-        dual = at.values.cost_slope[self._free] + at.values.jacobian[:, self._free].T @ at.prices
+        jacobian = at.values.jacobian[:, self._free]
+        dual = at.values.cost_gradient[self._free] + jacobian.T @ at.multipliers
         dual += pull[:n]
-        slack = pull[n:] - at.prices[self._unequal]
+        slack = pull[n:] - at.multipliers[self._unequal]
         products = np.concatenate(
             [
                 at.low[self._has_lower] * (at.w - self._lower)[self._has_lower],
@@ -203,13 +206,13 @@ class Newton:
             ]
         )
         total = float(at.low.sum() + at.high.sum())
-        mean = (float(np.abs(at.prices).sum()) + total) / (len(at.prices) + len(products))
-        scale = max(_PRICE_SCALE, mean) / _PRICE_SCALE
-        bound_scale = max(_PRICE_SCALE, total / len(products)) / _PRICE_SCALE
+        mean = (float(np.abs(at.multipliers).sum()) + total) / (len(at.multipliers) + len(products))
+        scale = max(_MULTIPLIER_SCALE, mean) / _MULTIPLIER_SCALE
+        bound_scale = max(_MULTIPLIER_SCALE, total / len(products)) / _MULTIPLIER_SCALE
         return max(
             float(np.abs(dual).max()) / scale,
             float(np.abs(slack).max()) / scale,
-            float(np.abs(at.miss).max()),
+            float(np.abs(at.residuals).max()),
             float(np.abs(products - self._barrier).max()) / bound_scale,
         )
 
@@ -221,22 +224,22 @@ class Newton:
         push = self._barrier / up - self._barrier / down
         jacobian = at.values.jacobian[:, self._free]
         equations, others = jacobian[equal], jacobian[unequal]
-        hessian = self._evaluation.hessian(at.x, self._p, at.prices)
+        hessian = self._evaluation.hessian(at.x, self._p, at.multipliers)
         hessian = hessian[np.ix_(self._free, self._free)]
         hessian += (others.T * stiff[n:]) @ others
         hessian[np.diag_indices(n)] += stiff[:n]
-        slope = at.values.cost_slope[self._free] + push[:n]
-        slope += others.T @ (stiff[n:] * at.miss[unequal] + push[n:])
-        solution = _saddle(hessian, equations, -np.concatenate([slope, at.miss[equal]]))
+        gradient = at.values.cost_gradient[self._free] + push[:n]
+        gradient += others.T @ (stiff[n:] * at.residuals[unequal] + push[n:])
+        solution = _saddle(hessian, equations, -np.concatenate([gradient, at.residuals[equal]]))
         if solution is None:
             return None
-        change = np.concatenate([solution[:n], others @ solution[:n] + at.miss[unequal]])
-        prices = np.empty(len(at.prices))
-        prices[equal] = solution[n:]
-        prices[unequal] = stiff[n:] * change[n:] + push[n:]
+        change = np.concatenate([solution[:n], others @ solution[:n] + at.residuals[unequal]])
+        multipliers = np.empty(len(at.multipliers))
+        multipliers[equal] = solution[n:]
+        multipliers[unequal] = stiff[n:] * change[n:] + push[n:]
         low = (self._barrier - at.low * change) / down
         high = (self._barrier + at.high * change) / up
-        return _Step(change, low, high, prices)
+        return _Step(change, low, high, multipliers)
 
     def _advance(self, at: _Iterate, step: _Step) -> bool:
         """Whether a step is an improvement for some length; goes along it by that length."""
@@ -250,35 +253,36 @@ class Newton:
         at.x[self._free] = at.w[: len(self._free)]
         at.low = at.low + dual * (step.low - at.low)
         at.high = at.high + dual * (step.high - at.high)
-        at.prices = at.prices + size * (step.prices - at.prices)
+        at.multipliers = at.multipliers + size * (step.multipliers - at.multipliers)
         at.values = self._evaluation.values(at.x, self._p)
-        at.miss = self._miss(at.values.rows, at.w)
+        at.residuals = self._residuals(at.values.rows, at.w)
         return True
 
     def _search(self, at: _Iterate, change: FloatArray, longest: float) -> float | None:
         """Length of a step that the filter accepts."""
         n = len(self._free)
-        missed, merit = float(np.abs(at.miss).sum()), self._merit(at.values.cost, at.w)
+        violation, merit = float(np.abs(at.residuals).sum()), self._merit(at.values.cost, at.w)
         push = self._barrier / (self._upper - at.w) - self._barrier / (at.w - self._lower)
-        slope = float(at.values.cost_slope[self._free] @ change[:n] + push @ change)
+        derivative = float(at.values.cost_gradient[self._free] @ change[:n] + push @ change)
         size, x = longest, at.x.copy()
         while size > _SHORTEST * longest:
             w = at.w + size * change
             x[self._free] = w[:n]
             cost, rows = self._evaluation.cost_and_rows(x, self._p)
-            new_missed = float(np.abs(self._miss(rows, w)).sum())
+            new_violation = float(np.abs(self._residuals(rows, w)).sum())
             new_merit = self._merit(cost, w)
-            steep = slope < 0.0 and missed < 1e-4 and size * (-slope) ** 2.3 > missed**1.1
+            steep = derivative < 0.0 and violation < 1e-4
+            steep = steep and size * (-derivative) ** 2.3 > violation**1.1
             rounding = 1e-10 * abs(merit)
             if steep:
-                better = new_merit <= merit + 1e-8 * size * slope + rounding
+                better = new_merit <= merit + 1e-8 * size * derivative + rounding
             else:
-                better = _better(new_missed, new_merit, missed, merit)
+                better = _better(new_violation, new_merit, violation, merit)
             # If only rounding errors are left, accept Newton's full steps.
-            better = better or (new_missed < 1e-7 and new_merit <= merit + rounding)
-            if better and all(_better(new_missed, new_merit, *entry) for entry in self._filter):
+            better = better or (new_violation < 1e-7 and new_merit <= merit + rounding)
+            if better and all(_better(new_violation, new_merit, *entry) for entry in self._filter):
                 if not steep:
-                    self._filter.append((missed, merit))
+                    self._filter.append((violation, merit))
                 return size
             size *= 0.5
         return None
@@ -290,10 +294,10 @@ class Newton:
         return cost - self._barrier * float(low + high)
 
 
-def _better(missed: float, merit: float, old_missed: float, old_merit: float) -> bool:
+def _better(violation: float, merit: float, old_violation: float, old_merit: float) -> bool:
     """Whether one of the two is smaller; false for NaN."""
-    return missed <= (1.0 - _LESS) * old_missed or (
-        merit <= old_merit - _LESS * old_missed and missed < np.inf
+    return violation <= (1.0 - _LESS) * old_violation or (
+        merit <= old_merit - _LESS * old_violation and violation < np.inf
     )
 
 

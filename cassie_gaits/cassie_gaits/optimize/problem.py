@@ -162,16 +162,16 @@ class Problem:
     def derivatives(self) -> dict[str, ca.Function]:
         """Derivatives of cost, rows and Lagrangian, in the form of IPOPT's interface."""
         x, p, *_ = self._symbols()
-        slopes = [block.slope(x, p) for block in self.blocks]
-        g, jacobian = (ca.vertcat(*(slope[i] for slope in slopes)) for i in (0, 1))
-        prices = [block.cost_slope(x, p) for block in self.blocks]
-        f, gradient = (COST_SCALE * _total([price[i] for price in prices]) for i in (0, 1))
+        rows = [block.jacobian(x, p) for block in self.blocks]
+        g, jacobian = (ca.vertcat(*(row[i] for row in rows)) for i in (0, 1))
+        costs = [block.cost_gradient(x, p) for block in self.blocks]
+        f, gradient = (COST_SCALE * _total([cost[i] for cost in costs]) for i in (0, 1))
         sigma, lam = ca.MX.sym("sigma"), ca.MX.sym("lam", g.size1())
         ends = np.cumsum([0] + [block.size for block in self.blocks])
         pieces = ca.vertsplit(lam, ends.tolist())
         hessian = _total(
             [
-                block.bend(x, p, piece, COST_SCALE * sigma)
+                block.hessian(x, p, piece, COST_SCALE * sigma)
                 for block, piece in zip(self.blocks, pieces, strict=True)
             ]
         )

@@ -33,19 +33,19 @@ NEWTON_BARRIER = 2.5e-4
 
 
 @dataclass(frozen=True)
-class Attempt:
-    """One start of Newton's method: its arguments `inside`, `barrier` and `most`."""
+class NewtonStart:
+    """Arguments of one start of Newton's method, see `Newton.run`."""
 
-    inside: float
+    bound_distance: float
     barrier: float
-    most: int
+    max_steps: int
 
 
-NEAR = Attempt(inside=1e-3, barrier=NEWTON_BARRIER, most=20)
-"""Attempt for a neighbour in the library, which usually takes 8 to 13 steps."""
+NEAR = NewtonStart(bound_distance=1e-3, barrier=NEWTON_BARRIER, max_steps=20)
+"""Start for a neighbour in the library, which usually takes 8 to 13 steps."""
 
-FAR = Attempt(inside=1e-2, barrier=1e-2, most=30)
-"""Attempt if `NEAR` fails: starts farther from the bounds, which takes 14 to 27 steps."""
+FAR = NewtonStart(bound_distance=1e-2, barrier=1e-2, max_steps=30)
+"""Start if `NEAR` fails: farther from the bounds, which takes 14 to 27 steps."""
 
 LEEWAY = 1e-4
 """Largest scaled violation in a solved gait: half of the limits' margin."""
@@ -57,13 +57,13 @@ class Point:
 
     Attributes:
         unknowns: Unknowns of the program.
-        bound_prices, row_prices: Multipliers of bounds and constraints of the lean program; None
-            if they are not known.
+        bound_multipliers, row_multipliers: Multipliers of bounds and constraints of the lean
+            program; None if they are not known.
     """
 
     unknowns: FloatArray
-    bound_prices: FloatArray | None = None
-    row_prices: FloatArray | None = None
+    bound_multipliers: FloatArray | None = None
+    row_multipliers: FloatArray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,11 +176,11 @@ def exchanged(point: Point) -> Point:
     Each step is stored as one on the right leg, so the two steps change places.
     """
     x = _swapped(point.unknowns)
-    if point.bound_prices is None or point.row_prices is None:
+    if point.bound_multipliers is None or point.row_multipliers is None:
         return Point(x)
-    rows = _swapped(point.row_prices[:-TRAVEL_ROWS])
-    travel = point.row_prices[-TRAVEL_ROWS:] * (1.0, -1.0, -1.0)  # ahead, to the left, turning
-    return Point(x, _swapped(point.bound_prices), np.concatenate([rows, travel]))
+    rows = _swapped(point.row_multipliers[:-TRAVEL_ROWS])
+    travel = point.row_multipliers[-TRAVEL_ROWS:] * (1.0, -1.0, -1.0)  # ahead, to the left, turning
+    return Point(x, _swapped(point.bound_multipliers), np.concatenate([rows, travel]))
 
 
 def _swapped(values: FloatArray) -> FloatArray:
@@ -188,7 +188,7 @@ def _swapped(values: FloatArray) -> FloatArray:
     return result
 
 
-def _twice(near: Point, program: Problem) -> Point:
+def _for_all_steps(near: Point, program: Problem) -> Point:
     """A symmetric gait's point for a program of two steps."""
     if len(near.unknowns) == program.unknowns:
         return near
@@ -202,28 +202,28 @@ def _run(
     x_lower, x_upper = unknown_bounds(program, request)
     tried = 0
     if near is not None:
-        near = _twice(near, program)
+        near = _for_all_steps(near, program)
         newton = Newton(
             program.evaluation,
             Bounds(x_lower, x_upper, lower, upper),
             np.array(parameters(request)),
             NEWTON_BARRIER,
         )
-        for attempt in (NEAR, FAR):
-            ended = newton.run(near.unknowns, attempt.most, attempt.inside, attempt.barrier)
-            tried += ended.iterations
-            if ended.status == "Solve_Succeeded":
+        for how in (NEAR, FAR):
+            found = newton.run(near.unknowns, how.max_steps, how.bound_distance, how.barrier)
+            tried += found.iterations
+            if found.status == "Solve_Succeeded":
                 break
-        if ended.status == "Solve_Succeeded" or not patient:
-            return Point(ended.unknowns), ended.status, tried
+        if found.status == "Solve_Succeeded" or not patient:
+            return Point(found.unknowns), found.status, tried
     bounds = {"lbx": x_lower, "ubx": x_upper, "lbg": lower, "ubg": upper}
     if near is None:
         solver, start = program.solver, {"x0": program.guess()}
     else:
         # Zeros serve for unknown multipliers: the follower's small barrier keeps it near.
         solver, start = program.follower, {"x0": near.unknowns}
-        if near.bound_prices is not None and near.row_prices is not None:
-            start |= {"lam_x0": near.bound_prices, "lam_g0": near.row_prices}
+        if near.bound_multipliers is not None and near.row_multipliers is not None:
+            start |= {"lam_x0": near.bound_multipliers, "lam_g0": near.row_multipliers}
     result = solver(p=parameters(request), **bounds, **start)
     stats = solver.stats()
     names = ("x", "lam_x", "lam_g")
@@ -276,14 +276,13 @@ def _step(
     outputs, passive = grid.split(unknowns)
     if request.symmetric:
         asymmetry = 0.0
-    count = 2 * TORQUE_DEGREE
+    count, duration = 2 * TORQUE_DEGREE, request.step_time
     phases = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
     samples = []
     for phase in phases:
         y, y1, y2 = (grid.coordinates_at(float(phase), 2) @ unknowns).reshape(3, -1)
-        time = request.step_time
         torque = _torques()(
-            *(y, y1 / time, y2 / time**2, request.slope, asymmetry, request.payload)
+            *(y, y1 / duration, y2 / duration**2, request.slope, asymmetry, request.payload)
         )
         samples.append(np.array(torque, dtype=np.float64).ravel())
     basis = np.array([grid.bernstein(TORQUE_DEGREE, float(phase)) for phase in phases])

@@ -10,11 +10,10 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from cassie_gaits import robot
 from cassie_gaits.optimize import bodies
 from cassie_gaits.optimize.inverse_dynamics import Efforts, Recursion, State, foot_frame
 from cassie_gaits.optimize.posture import SIZE, Posture, places, posture
-
-GRAVITY = 9.81
 
 _SOLE = bodies.leg("right").sole
 
@@ -59,7 +58,7 @@ def instant() -> Instant:
     rates = ca.jtimes(joints, y, yd)
     accels = ca.jtimes(rates, y, yd) + ca.jtimes(rates, yd, ydd)
     roll_rate, roll_accel = yd[SIZE - 2], ydd[SIZE - 2]
-    up = ca.mtimes(at.foot_to_ground.T, ca.DM([0.0, 0.0, GRAVITY]))
+    up = ca.mtimes(at.foot_to_ground.T, ca.DM([0.0, 0.0, robot.GRAVITY]))
     root = foot_state(ca.vertcat(roll_rate, 0.0, 0.0), ca.vertcat(roll_accel, 0.0, 0.0), up)
     efforts = Recursion(asymmetry, payload).run(
         root, (at.stance, rates[:5], accels[:5]), (at.swing, rates[5:], accels[5:])
@@ -71,7 +70,13 @@ def instant() -> Instant:
 
 
 def foot_state(omega: ca.SX, alpha: ca.SX, accel: ca.SX) -> State:
-    """The right toe link at the toe joint, from its sole's motion in level foot axes."""
+    """Motion of the right toe link at the toe joint, from the motion of its sole.
+
+    Args:
+        omega: Angular velocity, level foot axes. Shape (3, 1), in rad/s.
+        alpha: Angular acceleration, level foot axes. Shape (3, 1), in rad/s^2.
+        accel: Acceleration of the sole, level foot axes. Shape (3, 1), in m/s^2.
+    """
     turn, sole = ca.DM(foot_frame()), ca.DM(_SOLE)
     state = State(ca.mtimes(turn, omega), ca.mtimes(turn, alpha), ca.mtimes(turn, accel))
     state.accel = state.point(-sole)
