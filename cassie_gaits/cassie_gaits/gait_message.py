@@ -9,9 +9,17 @@ from cassie_msgs.layout import Gait, GaitRequest
 
 
 def conditions_of(request: GaitRequest) -> Conditions:
-    """The conditions in a request; a negative payload, as from noise of an estimate, becomes 0."""
+    """The conditions in a request.
+
+    A negative payload, as from noise of an estimate, becomes 0. No gait turns on a slope: there the
+    gait goes straight, and the controller alone turns.
+    """
     conditions = Conditions(*request.floats.tolist())
-    return replace(conditions, payload=0.0) if conditions.payload < 0.0 else conditions
+    if conditions.payload < 0.0:
+        conditions = replace(conditions, payload=0.0)
+    if conditions.rounded().slope != 0.0:
+        conditions = replace(conditions, yaw_rate=0.0)
+    return conditions
 
 
 def gait_message(request: GaitRequest, answer: Answer) -> Gait:

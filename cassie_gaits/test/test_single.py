@@ -72,6 +72,15 @@ def test_an_estimated_payload_below_0_asks_for_no_payload():
     assert np.isnan(conditions_of(request).payload)
 
 
+def test_a_robot_that_turns_on_a_slope_gets_a_gait_straight_ahead():
+    """It was refused, and the robot fell from the gait for 1.8 m/s to one for 1 m/s."""
+    request = GaitRequest()
+    request.vx[...], request.yaw_rate[...], request.slope[...] = 0.4, 0.2, 0.06
+    assert conditions_of(request).rounded() == Conditions(0.4, 0.0, 0.0, 0.0, 0.06)
+    request.slope[...] = 0.004
+    assert conditions_of(request).rounded() == Conditions(0.4, 0.0, 0.2, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("conditions", "words"),
     [
