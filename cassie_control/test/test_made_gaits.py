@@ -145,6 +145,20 @@ def test_requests_come_on_their_schedule_while_it_walks():
     )
 
 
+@pytest.mark.parametrize(("vx", "asked"), [(0.3, 0.3), (2.2, 1.0), (-1.2, -0.5)])
+def test_gaits_are_asked_for_speeds_of_the_library(vx, asked):
+    core = GaitController(ControllerConfig(), LIBRARY, 0.002)
+    state, mode = state_of(leg_joints(), leg_joints()), mode_of(vx=vx)
+    mode.mode[...] = int(RobotMode.WALK)
+    requests = []
+    for tick in range(1001):
+        state.seq[...] = tick
+        core.step(state, mode)
+        if (request := core.request()) is not None:
+            requests.append(float(request.vx))
+    assert set(requests) == {asked}
+
+
 def test_no_request_while_it_stands():
     core = GaitController(ControllerConfig(), LIBRARY, 0.002)
     state, mode = state_of(leg_joints(), leg_joints()), mode_of()

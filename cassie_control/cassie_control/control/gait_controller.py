@@ -292,7 +292,9 @@ class GaitController:
     def request(self) -> GaitRequest | None:
         """Request of a gait after the last step, or None; every `GAIT_TICKS` ticks; reused.
 
-        The caller calls it after every step where gaits are made: it also estimates the payload.
+        The speed ahead is at most that of the library, which is read at its ends beyond: gaits made
+        for more cost more work, and robots fell on them. The caller calls it after every step where
+        gaits are made: it also estimates the payload.
         """
         state, mode, payload = self._state, self._mode, self._payload
         if self.activity is not Activity.WALKING:
@@ -306,7 +308,8 @@ class GaitController:
         request = self._request
         request.answer(state)
         request.effective_seq[...] = int(state.seq) + GAIT_TICKS
-        request.vx[...], request.vy[...], request.yaw_rate[...] = mode.vx, mode.vy, mode.yaw_rate
+        request.vx[...] = self.walking.within_library(float(mode.vx))
+        request.vy[...], request.yaw_rate[...] = mode.vy, mode.yaw_rate
         request.payload[...], request.slope[...] = payload.mass, self.walking.slope
         return request
 

@@ -244,8 +244,12 @@ class WalkingController:
     @property
     def gait_speed(self) -> float:
         """Speed at which the library is read. In m/s."""
+        return self.within_library(float(self.timing.velocity[0]))
+
+    def within_library(self, speed: float) -> float:
+        """The library's nearest speed ahead. In m/s."""
         low, high = self._speeds
-        return max(low, min(high, float(self.timing.velocity[0])))
+        return max(low, min(high, speed))
 
     def start(self, readings: Readings, stance: int) -> None:
         """Begin walking with a step on a stance leg."""
