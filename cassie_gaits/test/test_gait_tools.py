@@ -218,6 +218,17 @@ def gait_motion_that_breaks(gait):
     raise GaitLibraryError("it broke")
 
 
+def test_labels_of_rates_and_holes_of_the_maps_can_be_read():
+    gaits = [gait for gait in load_library(library_path("dense")).gaits if gait.vx == 0.0]
+    figure = grid_figure(gaits[:-1])
+    assert "0 rad/s" in [axes.get_title(loc="left") for axes in figure.axes]
+    assert (
+        figure.get_suptitle() == f"{len(gaits) - 1} gaits by turning rate; orange: 1 without a gait"
+    )
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert "farthest neighbour,\ntimes the median\nof its direction" in labels
+
+
 def test_a_grid_gets_maps_and_slices(tmp_path):
     dense = load_library(library_path("dense"))
     few = [g for g in dense.gaits if g.vx in (0.0, 0.5) and abs(g.vy) < 0.2]
