@@ -54,6 +54,7 @@ _MOVING = "moving_ground"
 _BLOCK_SIZE = (0.25, 0.11, 0.15)  # half lengths, in m
 _BLOCK_Y = 0.15  # m, distance to the side
 _PILLAR_HEIGHT = 2.5  # m
+_DARK_TREAD = (0.62, 0.64, 0.68, 1.0)  # every second tread of stairs
 
 
 def read_scene(name: str, parameters: Mapping[str, object]) -> Any:
@@ -200,7 +201,10 @@ def _gravel(spec: mujoco.MjSpec, settings: Gravel) -> None:
 
 
 def _stairs(spec: mujoco.MjSpec, settings: Stairs) -> None:
-    add_stretches(spec, stairs_stretches(settings), 0)
+    stretches = stairs_stretches(settings)
+    add_stretches(spec, stretches, 0)
+    for index in range(2, len(stretches), 2):  # so that one tread is told from the next
+        spec.geom(f"stretch_{index}").rgba = _DARK_TREAD
 
 
 def _random_course(spec: mujoco.MjSpec, settings: RandomCourse) -> None:
