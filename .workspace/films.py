@@ -39,6 +39,7 @@ class Shot:
         azimuth: Direction in which the camera looks, 0 along x, 90 along y, in deg.
         elevation: Upward, in deg.
         distance: From the pelvis, in m.
+        level: Whether the camera keeps its height while the robot climbs.
     """
 
     experiment: str
@@ -47,12 +48,13 @@ class Shot:
     azimuth: float
     elevation: float
     distance: float
+    level: bool = False
 
 
 SHOTS = {
     "walk": Shot("grove", 12.5, 20.5, 65.0, -14.0, 2.0),
     "ride": Shot("segway_slalom", 25.0, 32.0, 125.0, -12.0, 1.9),
-    "stairs": Shot("stairs", 7.5, 14.8, 60.0, -8.0, 2.2),
+    "stairs": Shot("stairs", 7.5, 14.8, 78.0, -10.0, 2.3, level=True),
     "fast_walk": Shot("fast_walk", 20.0, 24.0, 75.0, -8.0, 2.2),
     "all_grounds": Shot("all_grounds", 34.0, 44.0, 60.0, -14.0, 2.6),
 }
@@ -79,9 +81,14 @@ def film(shot: Shot) -> list[Image.Image]:
     cores = make_cores(experiment)
     loop = connect(cores, lambda *_: None)
     rate = simulator_config(experiment).control_rate
+    track, above = model.camera("track").id, model.cam_pos0[model.camera("track").id, 2]
+    height = float(cores.plant.data.body("pelvis").xpos[2])
     pictures = []
     for tick in range(round(shot.end * rate)):
         if tick >= shot.begin * rate and tick % round(rate / FPS) == 0:
+            if shot.level:
+                climbed = float(cores.plant.data.body("pelvis").xpos[2]) - height
+                model.cam_pos0[track, 2] = above - climbed
             pixels = camera.picture(frame_of(cores.plant.data))
             pictures.append(Image.fromarray(pixels).resize(REDUCED, Image.Resampling.LANCZOS))
         loop.tick()

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bringup import STAND, Robot
+from rcl_interfaces.srv import SetParameters
+from rclpy.parameter import Parameter
 
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import read_messages
@@ -86,14 +89,45 @@ def test_without_an_optimizer_the_robot_walks_on_the_library_and_says_so(tmp_pat
         assert eyes.mode == "walk" and robot.stands()
 
 
+def test_ctrl_c_ends_the_optimizer_also_while_it_prepares(tmp_path: Path) -> None:
+    with Robot(tmp_path) as robot:
+        robot.start("gait_optimizer")
+        eyes = robot.eyes
+        # The service is the last thing that the node makes before the preparation.
+        client = eyes.node.create_client(SolveGait, "/cassie/solve_gait")
+        eyes.wait_for(client.service_is_ready, "the node")
+        robot.processes.signal("gait_optimizer", signal.SIGINT)
+        eyes.wait_for(lambda: not robot.processes.running("gait_optimizer"), "its end")
+        robot.processes.check("gait_optimizer")
+        assert robot.processes.log("gait_optimizer").read_text() == ""
+
+
+@pytest.mark.parametrize("value", ["heavy", [1.0], True, float("nan")])
+def test_a_payload_of_another_type_is_refused_by_the_running_optimizer(
+    tmp_path: Path, value: object
+) -> None:
+    with Robot(tmp_path) as robot:
+        robot.start("gait_optimizer")
+        client = robot.eyes.node.create_client(SetParameters, "/gait_optimizer/set_parameters")
+        robot.eyes.wait_for(client.service_is_ready, "the service")
+        wrong = Parameter("payload", value=value).to_parameter_msg()
+        future = client.call_async(SetParameters.Request(parameters=[wrong]))
+        robot.eyes.wait_for(future.done, "the answer")
+        (answer,) = future.result().results
+        assert not answer.successful
+        assert "payload" in answer.reason
+        assert robot.processes.running("gait_optimizer")
+
+
 @pytest.mark.parametrize(
     ("fields", "success", "words"),
     [
         ({"vx": 0.4, "payload": 5.0, "slope": -0.05}, True, "certified"),
         ({"vx": 0.4, "yaw_rate": 0.3, "slope": 0.1}, False, "do not turn"),
-        ({"vx": float("nan")}, False, "vx is nan"),
-        ({"payload": 1e308}, False, "payload is 1e+308, expected 0.0 .. 30.0"),
-        ({"payload": -5.0}, False, "payload is -5.0, expected 0.0 .. 30.0"),
+        ({"vx": float("nan")}, False, "vx is nan m/s"),
+        ({"vx": 4.5}, False, "no gait found"),
+        ({"payload": 1e308}, False, "payload is 1e+308 kg, expected 0 .. 30 kg"),
+        ({"payload": -5.0}, False, "payload is -5 kg, expected 0 .. 30 kg"),
     ],
 )
 def test_the_service_solves_certifies_and_says_why_not(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
@@ -49,6 +50,17 @@ def test_an_unknown_argument_is_refused(path: Path) -> None:
 def test_help_lists_topics_and_parameters(path: Path) -> None:
     text = run(path, "--help").stdout
     assert "reads:" in text and "writes:" in text and "allow_second" in text
+    for line in re.findall(r"^(?:reads|writes): +(.*(?:\n {10}.*)*)", text, re.MULTILINE):
+        topics = line.replace(",", " ").split()
+        assert len(topics) == len(set(topics)), line
+
+
+def test_the_stack_lists_the_topics_of_both_its_nodes() -> None:
+    (path,) = (path for path in NODES if path.name == "stack")
+    text = run(path, "--help").stdout
+    assert "/diagnostics" in text
+    (reads,) = re.findall(r"^reads: +(.*)", text, re.MULTILINE)
+    assert reads.split(", ") == ["/cassie/sensors", "/cassie/mode", "/cassie/gait"]
 
 
 @pytest.mark.parametrize("words", [("-p", "max_rate=1"), ("-p",), ("-r", "foo"), ("rate:=2",)])

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from cassie_bags.bag.continuity import first_occurrences
-from cassie_bags.bag.recording import LANE_TOPICS, Recording
+from cassie_bags.bag.recording import GAIT_TOPICS, LANE_TOPICS, Recording
 from cassie_bags.bag.rows import Rows, stamps_ns
 
 
@@ -18,7 +18,7 @@ def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> li
     Args:
         one: A run.
         other: Another run.
-        topics: Some of `recording.TYPES`.
+        topics: Some of `recording.KNOWN_TYPES`.
     """
     found = []
     for topic in topics:
@@ -38,6 +38,8 @@ def differences(one: Recording, other: Recording, topics: tuple[str, ...]) -> li
 def _without_repeats(recording: Recording, topic: str) -> Rows:
     if topic in LANE_TOPICS:
         return first_occurrences(recording.lane[topic])
+    if topic in GAIT_TOPICS:
+        return first_occurrences(recording.gaits[topic])
     rows = recording.stamped[topic]
     return rows[np.unique(stamps_ns(rows), return_index=True)[1]]
 

@@ -20,6 +20,7 @@ from synthetic import TICK_NS, glide_messages
 from cassie_bags.bag.continuity import SeqMonitor, gaps
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
+    GAIT_TOPICS,
     GROUND_TRUTH_TOPIC,
     LANE_TOPICS,
     from_messages,
@@ -35,7 +36,7 @@ from cassie_msgs.layout import RobotState, Sensors
 from cassie_msgs.standard_messages import ODOMETRY
 from cassie_sim import ground_truth, segway_truth
 
-TYPES = {topic: kind.TYPE for topic, kind in LANE_TOPICS.items()} | {
+TYPES = {topic: kind.TYPE for topic, kind in {**LANE_TOPICS, **GAIT_TOPICS}.items()} | {
     GROUND_TRUTH_TOPIC: ODOMETRY.type
 }
 

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from synthetic import glide
 
 from cassie_bags.bag.recording import Recording
+from cassie_bags.run.cuts import Cut, cuts_of
+from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.judge import checks
+from cassie_bags.run.seed import resolve
 from cassie_bags.signals.metrics import measure
 from cassie_bags.signals.track import make_track
-from cassie_msgs.experiment.expectation import Expectation
+from cassie_msgs.experiment.expectation import Expectation, Phase
+from cassie_msgs.layout import Mode, OperatorCommand, RobotMode
 from cassie_msgs.structured import structure
 from cassie_msgs.tunables import ParameterError
 
@@ -55,6 +61,75 @@ def test_a_fall_fails_a_run_unless_it_is_expected():
 def test_a_phase_that_was_not_reached_fails():
     section = {"phases": [{**PHASE, "t1": 5.0, "vx": {"min": 0.0}}]}
     assert failures(section, glide(2.0)) == ["walk: the run ended before 5 s"]
+
+
+def cut(text: str, mode: RobotMode = RobotMode.WALK, **commanded: float) -> list[Cut]:
+    """Cuts of a run of an experiment with some supervisor, from its recorded commands."""
+    experiment = resolve(parse_experiment(f"start: standing\nduration: 2.0\n{text}", "try"))
+    recording = glide(2.0)
+    lane = {topic: rows.copy() for topic, rows in recording.lane.items()}
+    for topic in (OperatorCommand.TOPIC, Mode.TOPIC):
+        lane[topic]["mode"] = mode
+    for name, value in commanded.items():
+        lane[OperatorCommand.TOPIC][name] = value
+    return list(cuts_of(experiment, replace(recording, lane=lane), [Phase("w", 0.5, 1.5)]))
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "commanded", "expected"),
+    [
+        ("", RobotMode.WALK, {"vx": 1.2}, []),
+        (
+            "",
+            RobotMode.WALK,
+            {"vx": 2.2},
+            ["vx = 2.2 m/s was cut to 1.2 m/s by supervisor.vx"],
+        ),
+        (
+            "",
+            RobotMode.WALK,
+            {"vx": -1.0},
+            ["vx = -1 m/s was cut to -0.7 m/s by supervisor.vx_b"],
+        ),
+        ("supervisor: {vx_forward: 2.3}", RobotMode.WALK, {"vx": 2.2}, []),
+        ("", RobotMode.STAND, {"vx": 2.2, "height": 0.9}, []),
+        (
+            "",
+            RobotMode.STAND,
+            {"height": 1.2},
+            ["height = 1.2 m was cut to 1.01 m by supervisor.h"],
+        ),
+        (
+            "",
+            RobotMode.SEGWAY,
+            {"vx": 5.0},
+            ["vx = 5 m/s was cut to 4.2 m/s by supervisor.ride"],
+        ),
+        (
+            "",
+            RobotMode.SEGWAY,
+            {"vy": 0.1},
+            ["vy = 0.1 m/s was cut to 0 m/s: a Segway does"],
+        ),
+        (
+            "",
+            RobotMode.WALK,
+            {"vx": 1.2, "yaw_rate": -0.8},
+            [
+                "vx = 1.2 m/s was cut to 0.9524 m/s by supervisor.vx_forward, "
+                "supervisor.yaw_rate_limit, as speeds are bounded together",
+                "yaw_rate = -0.8 rad/s was cut to -0.635 rad/s by supervisor.vx_forward, ",
+            ],
+        ),
+    ],
+)
+def test_a_command_that_the_supervisor_cuts_is_told_with_the_parameter(
+    text: str, mode: RobotMode, commanded: dict[str, float], expected: list[str]
+):
+    found = [str(each) for each in cut(text, mode, **{"vx": 0.0, **commanded})]
+    assert len(found) == len(expected)
+    for line, words in zip(found, expected, strict=True):
+        assert line.startswith(f"w: the command {words}")
 
 
 @pytest.mark.parametrize(

@@ -23,7 +23,7 @@ from same import differences
 
 from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.reader import read_messages
-from cassie_bags.bag.recording import TYPES, read_recording
+from cassie_bags.bag.recording import KNOWN_TYPES, TYPES, read_recording
 from cassie_bags.bag.rows import stamps_ns
 from cassie_bags.errors import RunError
 from cassie_bags.ros.processes import Processes, environment, executable, own_domain
@@ -99,6 +99,18 @@ def test_over_dds_twice_and_in_one_process_every_sample_is_the_same(file: Path, 
     _check_other_topics(folders[0] / "bag.mcap")
     for folder in (folders[0], folders[2]):
         _check_transforms(folder / "bag.mcap")
+
+
+def test_made_gaits_are_the_same_over_dds_and_in_one_process(file: Path, tmp_path: Path):
+    made = ("--no-pictures", "--set", "controller.gait_source=optimizer")
+    bags = []
+    for name, words in (("dds", ()), ("process", ("--in-process",))):
+        run = experiment(file, "--out", tmp_path / name, *made, *words)
+        assert run.returncode == 0, run.stderr
+        bags.append(read_recording(tmp_path / name / "bag.mcap"))
+    dds, process = bags
+    assert len(process.rows(Gait)) > 0
+    assert differences(dds, process, KNOWN_TYPES) == []
 
 
 def _check_other_topics(bag: Path) -> None:

@@ -166,6 +166,29 @@ def test_the_legend_of_steps_round_one_place_leaves_the_title_free():
     assert not boxes[0].overlaps(boxes[1])
 
 
+def test_a_long_narrow_walk_is_drawn_in_rows_whose_labels_do_not_touch():
+    shown = view(glide(20.0, vx=2.0))
+    figure = footsteps(shown)
+    rows = figure.axes
+    assert len(rows) == 3
+    edges = [axes.get_xlim() for axes in rows]
+    assert edges[0][1] == pytest.approx(edges[1][0]) and edges[1][1] == pytest.approx(edges[2][0])
+    x = shown.track.position[:, 0]
+    assert edges[0][0] < x.min() and edges[-1][1] > x.max()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    for axes in rows:
+        low, high = axes.get_ylim()
+        boxes = [
+            label.get_window_extent(canvas.get_renderer())
+            for label, tick in zip(axes.get_yticklabels(), axes.get_yticks(), strict=True)
+            if low <= tick <= high
+        ]
+        assert len(boxes) >= 2
+        assert all(one.y1 < other.y0 for one, other in itertools.pairwise(boxes))
+    assert len(footsteps(view(glide(2.0))).axes) == 1
+
+
 def test_legends_of_the_estimates_error_cover_no_curve(shown: View):
     figure = estimate(shown)
     assert figure is not None

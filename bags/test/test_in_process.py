@@ -10,6 +10,7 @@ from same import differences
 
 from cassie_bags.bag.continuity import gaps
 from cassie_bags.bag.recording import TYPES, Recording, read_recording
+from cassie_bags.bag.summary import summarize
 from cassie_bags.errors import ExperimentError
 from cassie_bags.report.pictures import PosedModel
 from cassie_bags.run.bag_observer import bag_observer
@@ -17,11 +18,15 @@ from cassie_bags.run.cores import check_parameters, make_loop, tick_count
 from cassie_bags.run.experiment import parse_experiment
 from cassie_bags.run.seed import resolve
 from cassie_bags.run.simulate import RecentStore, Store, run
+from cassie_bags.run.verify import verify
 from cassie_bags.signals.track import make_track
 from cassie_control.control.gait_controller import GaitController
 from cassie_msgs.experiment.file import Experiment
 from cassie_msgs.layout import (
     ControllerStatus,
+    Gait,
+    GaitRequest,
+    GaitResult,
     Mode,
     MotorCommand,
     OperatorCommand,
@@ -93,6 +98,35 @@ def test_the_bag_of_a_run_holds_the_run_and_its_file(tmp_path: Path, recording: 
     assert differences(copy, recording, TYPES) == []
     again = parse_experiment(copy.metadata["cassie_experiment"]["file"], "bag")
     assert again.scenario == read().scenario
+
+
+WALK = """
+start: standing
+duration: 7.0
+operator:
+  - {t: 0.0, power: true}
+  - {t: 1.0, mode: walk}
+  - {t: 3.0, vx: 0.4}
+controller: {gait_source: optimizer}
+"""
+
+
+def test_gaits_made_in_one_process_are_in_the_bag_which_replays_to_the_last_bit(tmp_path: Path):
+    experiment, path = read(WALK), tmp_path / "made.mcap"
+    with bag_observer(path, experiment) as bag:
+        run(make_loop(experiment, bag), range(tick_count(experiment)))
+    recording = read_recording(path)
+    requests, gaits = recording.rows(GaitRequest), recording.rows(Gait)
+    assert len(requests) == len(gaits) >= 5
+    np.testing.assert_array_equal(gaits["seq"], requests["seq"])
+    assert (gaits["result"] == GaitResult.FOUND).all()
+    assert gaits["vx"][-1] == 0.4
+    assert summarize(path).made_gaits == {"found": len(gaits)}
+    found = verify(path)
+    assert found.gaps == [] and found.differences == []
+    library = record(read(WALK.replace("optimizer", "library")))
+    commands = recording.rows(MotorCommand)["position"]
+    assert (commands != library.rows(MotorCommand)["position"]).any()
 
 
 def test_a_bag_of_a_ride_shows_where_the_segway_is(tmp_path: Path):

@@ -60,7 +60,11 @@ from cassie_bags.signals.falls import falls
 from cassie_control.estimator import channels
 from cassie_gaits import gait_library, names
 from cassie_msgs.layout import (
+    GAIT_TYPES,
     SAMPLE_TYPES,
+    Gait,
+    GaitRequest,
+    GaitResult,
     Mode,
     MotorCommand,
     OperatorCommand,
@@ -127,7 +131,7 @@ def status_message(store, time_ns: int, **values) -> bytes:
 
 
 def test_every_field_of_every_topic_has_a_unit_or_a_meaning(messages):
-    for kind in SAMPLE_TYPES:
+    for kind in (*SAMPLE_TYPES, *GAIT_TYPES):
         named = FIELDS[kind.TOPIC]
         assert tuple(named) and set(named) == set(kind.DTYPE.names or ())
         for name, field in named.items():
@@ -977,6 +981,69 @@ def test_the_first_difference_has_its_field_tick_and_values(tmp_path: Path, mess
     command = found[MotorCommand.TOPIC]
     assert (command.counts, command.common, command.different) == ((1000, 995), 995, 0)
     assert not command.same
+
+
+def gaits(results, vx=0.4):
+    """Requests and their answers, one pair every 250 ticks."""
+    messages = {GaitRequest.TOPIC: [], Gait.TOPIC: []}
+    for index, result in enumerate(results):
+        request, gait = GaitRequest(), Gait()
+        gait.result[...], gait.vx[...] = int(result), vx
+        for message in (request, gait):
+            message.seq[...], message.episode[...] = 250 * index, 1
+            message.stamp_ns = 250 * index * TICK_NS
+            messages[message.TOPIC].append(message.to_bytes())
+    return messages
+
+
+FOUND_TWICE = (GaitResult.FOUND, GaitResult.FOUND)
+
+
+def test_gaits_are_compared_where_both_bags_have_them(tmp_path: Path, bag: Path, messages):
+    one, same, other = (tmp_path / f"{name}.mcap" for name in ("one", "same", "other"))
+    for path, found in ((one, gaits(FOUND_TWICE)), (same, gaits(FOUND_TWICE)),
+                        (other, gaits(FOUND_TWICE, vx=0.5))):  # fmt: skip
+        write_bag(path, messages | found)
+    done = command("compare", one, same)
+    assert done.returncode == 0, done.stdout
+    assert re.search(r"/cassie/gait +2 +2 +2 +0", done.stdout)
+    done = command("compare", one, other)
+    assert done.returncode == 1
+    assert "first difference of /cassie/gait: vx at tick 0 (0.000 s): 0.4 against 0.5" in (
+        done.stdout
+    )
+    done = command("compare", one, bag)
+    assert done.returncode == 1
+    assert "in one bag only: /cassie/gait, /cassie/gait_request" in done.stdout
+
+
+@pytest.mark.parametrize("topic", ["/parameter_events", "/rosout", "/diagnostics"])
+def test_topics_of_the_machinery_make_no_two_runs_different(
+    tmp_path: Path, bag: Path, messages, topic: str
+):
+    path = tmp_path / "more.mcap"
+    with BagWriter(path) as writer:
+        channel = writer.add_topic(topic, EVENT)
+        writer.write(channel, b"", 0, 0)
+        lane = {name: writer.add_topic(name, TYPES[name], QOS_LANE) for name in messages}
+        for name, list_ in messages.items():
+            for tick, raw in enumerate(list_):
+                writer.write(lane[name], raw, tick * TICK_NS, tick * TICK_NS)
+    done = command("compare", bag, path)
+    assert done.returncode == 0, done.stdout
+    assert f"{topic}: 0 messages against 1" in done.stdout
+    assert "in one bag only" not in done.stdout
+
+
+def test_info_counts_made_gaits_by_their_result(tmp_path: Path, bag: Path, messages):
+    results = (*FOUND_TWICE, GaitResult.REFUSED, GaitResult.NOT_CERTIFIED)
+    path = tmp_path / "made.mcap"
+    write_bag(path, messages | gaits(results))
+    shown = command("info", path).stdout
+    assert "made gaits   4 answers: 2 found, 1 refused, 1 not certified\n" in shown
+    assert "made gaits" not in command("info", bag).stdout
+    assert len(read_recording(path).rows(Gait)) == 4
+    assert len(read_recording(bag).rows(Gait)) == 0
 
 
 def test_a_truth_value_that_is_another_byte_is_a_difference(messages):

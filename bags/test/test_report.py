@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -137,7 +138,7 @@ def test_reasons_and_faults_stand_at_the_time_of_the_episode_that_is_shown():
         episodes=[Interval("1", 0.0, 10.0), Interval("2", 10.0, 12.0)],
         modes=[Interval("walk", 0.02, 10.0, "before"), Interval("walk", 10.02, 12.0, "it asked")],
         faults=[Interval("old", 1.0, 2.0), Interval("late", 9.0, 11.0)],
-        has_status=True,
+        has_status=True, made_gaits={},
         nodes=[Interval("stack began anew", 11.5, 11.5)], problems=(), metadata={},
         recording=recording,
     )  # fmt: skip
@@ -226,6 +227,7 @@ def test_an_experiment_is_held_against_its_file(tmp_path: Path):
     experiment.write_text(
         "start: standing\nduration: 1.0\npushes: [{t: 0.5, force: [20, 0, 0]}]\n"
         "operator: [{t: 0.0, power: true, mode: stand, height: 0.95}]\n"
+        "supervisor: {walk_height: 0.9, height_high: 0.93}\n"
         "expect:\n  phases:\n"
         "    - {name: stand, t0: 0.6, t1: 1.0, vx: {target: 3, tolerance: 0.1}}\n"
     )
@@ -233,6 +235,12 @@ def test_an_experiment_is_held_against_its_file(tmp_path: Path):
         "experiment", experiment, "--in-process", "--out", tmp_path / "out", "--no-pictures"
     )
     assert done.returncode == 1, done.stderr
+    cut = "stand: the command height = 0.95 m was cut to 0.93 m by supervisor.height_high"
+    assert cut in (tmp_path / "out" / "table.txt").read_text().replace("\n", " ")
+    (told,) = json.loads((tmp_path / "out" / "result.json").read_text())["cuts"]
+    assert told["text"] == cut
+    assert (told["commanded"], told["permitted"]) == (0.95, 0.93)
+    assert told["parameters"] == ["height_high"]
     path = tmp_path / "page.html"
     done = command("report", tmp_path / "out" / "bag.mcap", "-o", path, "--no-video")
     assert done.returncode == 1, done.stderr
@@ -240,6 +248,7 @@ def test_an_experiment_is_held_against_its_file(tmp_path: Path):
     assert re.search(r"<td>vx</td><td[^>]*>2.9 .. 3.1 m/s</td><td[^>]*>[-0-9.e]+ m/s</td>", text)
     assert "✗ no" in text
     assert "push 2 Ns" in text
+    assert cut in text
     assert RobotState.TOPIC not in text
 
 

@@ -49,6 +49,31 @@ STORED = read_rows(HERE / "sweeps_of_two_robots.json")
 """Rows that `sweep` kept, measured with robots 1 and 2; the file holds the command."""
 
 
+def missed() -> dict[str, set[str]]:
+    """Rows of the results whose target is not reached, by the robots that miss it."""
+    names = {row.title: row.name for row in all_rows()}
+    found: dict[str, set[str]] = {"1 to 10": set(), "101 to 110": set()}
+    for line in RESULTS.splitlines():
+        title, *cells = (cell.strip() for cell in line.strip("|").split("|"))
+        marks = [cell for cell in cells if cell in ("yes", "no")]
+        first = "1 to 10" if len(cells) > 1 and cells[1] else "101 to 110"
+        for robots, mark in zip((first, "101 to 110"), marks, strict=False):
+            if mark == "no" and title in names:
+                found[robots].add(names[title])
+    return found
+
+
+def test_the_readme_says_which_targets_are_not_reached():
+    text = " ".join((HERE.parent / "README.md").read_text(encoding="utf-8").split())
+    sentence = re.search(r"Not reached are .*?(?= \[Decisions\])", text)[0]
+    for robots, rows in missed().items():
+        pushes = {row for row in rows if row.startswith("push_circle_")}
+        assert f" {len(pushes)} by robots {robots}" in sentence, sorted(pushes)
+        for row in rows - pushes:
+            group = row.partition(".")[0]
+            assert f"`{row}`" in sentence or f"`{group}`" in sentence, row
+
+
 def stored(name: str) -> StoredRow:
     (found,) = (row for row in STORED if row.name == name)
     return found

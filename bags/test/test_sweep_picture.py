@@ -108,10 +108,79 @@ def test_pushes_lie_in_their_directions_as_strong_as_they_were_survived():
     angles |= {"fore_left": 45, "aft_left": 135, "aft_right": 225, "fore_right": 315}
     for colour, variant in ((BLUE, "measured"), (ORANGE, "paper's law")):
         expected = {
-            angle: 0.0 if math.isnan(value := of(f"push_in_place.{name}", variant)) else value
+            angle: value
             for name, angle in angles.items()
+            if not math.isnan(value := of(f"push_in_place.{name}", variant))
         }
         assert dict(points(axes, colour)) == expected
+
+
+def held_nothing(row: StoredRow) -> StoredRow:
+    """The row as if the paper's law had held no level."""
+    nothing = dataclasses.replace(row.results["paper's law"], measured=math.nan)
+    return dataclasses.replace(row, results={**row.results, "paper's law": nothing})
+
+
+def test_a_law_that_holds_nothing_has_no_point_but_the_word_none():
+    rows = [held_nothing(row) for row in ROWS if row.group == "push_in_place"]
+    axes = panel(picture(rows), "Pushes, in place")
+    assert points(axes, ORANGE) == []
+    assert "paper's law: none" in legend(axes)
+    (kept,) = (row for row in ROWS if row.name == "push_in_place.fore")
+    axes = panel(picture([kept, *rows[1:]]), "Pushes, in place")
+    assert len(points(axes, ORANGE)) == 1
+    assert f"paper's law: none in {len(rows) - 1} of {len(rows)} directions" in legend(axes)
+
+
+def legend(axes: Axes) -> list[str]:
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_each_panel_of_pushes_says_how_long_they_last():
+    circle = [
+        dataclasses.replace(row, name=row.name.replace("push_in_place.fore", "push_circle_fast.0"))
+        for row in ROWS
+        if row.name == "push_in_place.fore"
+    ]
+    figure = picture([*circle, *some("push_in_place")])
+    assert "0.05 to 0.4 s" in legend(panel(figure, "Pushes, 1 m/s"))
+    assert "0.1 s" in legend(panel(figure, "Pushes, in place"))
+
+
+def test_the_legend_names_the_laws_and_the_footer_their_robots():
+    shown = [word for word, _ in texts(picture(ROWS))]
+    assert "shipped law" in shown and "paper's law" in shown
+    assert "measured" not in shown
+    made = ROWS[0].results["measured"].origin
+    assert made is not None
+    other = dataclasses.replace(made, seeds="1 to 10; paper's law 1 to 3", date="2027-01-02")
+    rows = [
+        dataclasses.replace(
+            row,
+            results={
+                name: dataclasses.replace(result, origin=other)
+                for name, result in row.results.items()
+            },
+        )
+        for row in ROWS
+    ]
+    (footer,) = (word for word, _ in texts(picture(rows)) if "revision" in word)
+    assert footer.splitlines() == [
+        f"shipped law: robots 1 to 10; 2027-01-02; revision {made.revision}",
+        f"paper's law: robots 1 to 3; 2027-01-02; revision {made.revision}",
+    ]
+    (footer,) = (word for word, _ in texts(picture([ROWS[0], *rows[1:]])) if "revision" in word)
+    assert "\npaper's law: robots 1 or 1 to 3; " in footer
+    assert footer.startswith(f"shipped law: robots 1 to 2 or 1 to 10; {made.date} to 2027-01-02; ")
+
+
+def test_payload_and_steady_force_have_bars():
+    rows = [as_if("slope.up", "payload.fast"), as_if("step.up", "steady_force.walking")]
+    figure = picture(rows)
+    for title, label in (("Payload", "at 1 m/s"), ("Force to the side", "at 0.8 m/s")):
+        axes = panel(figure, title)
+        assert [text.get_text() for text in axes.get_yticklabels()] == [label]
+        assert axes.patches
 
 
 def test_a_limit_that_was_not_found_is_hollow():
@@ -153,9 +222,10 @@ def test_speeds_stand_over_their_commands_with_the_spread_of_the_robots():
     assert [min(level.achieved), max(level.achieved)] in spread
 
 
-def test_speeds_backward_lie_on_the_other_side():
-    forward = next(row for row in ROWS if row.name == "top_speed.forward")
-    renamed = dataclasses.replace(forward, name="top_speed.backward")
+@pytest.mark.parametrize("group", ["top_speed", "fastest"])
+def test_speeds_backward_lie_on_the_other_side(group: str):
+    forward = as_if("top_speed.forward", f"{group}.forward")
+    renamed = dataclasses.replace(forward, name=f"{group}.backward")
     ahead = points(panel(picture([forward]), "Speed"), BLUE)
     back = points(panel(picture([renamed]), "Speed"), BLUE)
     assert len(ahead) == len(back) > 1
@@ -204,6 +274,15 @@ EVERY_GROUND = [
     as_if("stand_block.left", "stand_sinking.sand"),
     as_if("stand_block.left", "stand_block.right"),
     as_if("friction.0.5", "friction.0.2"),
+    *(as_if("slope.up", f"payload.{way}") for way in ("in_place", "walking", "fast")),
+    *(as_if("step.up", f"steady_force.{way}") for way in ("standing", "in_place", "walking")),
+]
+
+NONE_AT_ALL = [held_nothing(row) for row in ROWS]
+CIRCLES = [
+    as_if("push_in_place.fore", f"push_circle_{way}.{angle}")
+    for way in ("in_place", "slow", "fast")
+    for angle in range(0, 360, 30)
 ]
 
 
@@ -218,6 +297,8 @@ EVERY_GROUND = [
         [*EVERY_GROUND, *some("speed", "push_in_place")],
         some("stand_push", "slope"),
         some("push_walking", "speed"),
+        NONE_AT_ALL,
+        [*CIRCLES, *NONE_AT_ALL],
         [dataclasses.replace(r, results={"measured": r.results["measured"]}) for r in ROWS],
     ],
     ids=[
@@ -229,6 +310,8 @@ EVERY_GROUND = [
         "full",
         "standing",
         "walking",
+        "no law of the paper",
+        "circles",
         "own law alone",
     ],
 )

@@ -64,6 +64,11 @@ class Speeds:
         figure.colorbar(self._map, ax=axes, label=SPEED_NAMES[self._name], aspect=40, pad=0.02)
 
 
+def signed(value: float, digits: str) -> str:
+    """A number in a format such as `.2f` with its sign; 0 has none."""
+    return format(value, f"+{digits}") if value else "0"
+
+
 def draw_outputs(gaits: Sequence[Gait], path: Path, name: str = "vx", which: str = "") -> None:
     """Draw the nine outputs over phase in right stance.
 
@@ -114,7 +119,7 @@ def draw_strips(motions: Sequence[Motion], path: Path) -> None:
             panel.set_aspect("equal")
             panel.set_xlim(-0.9, 16 * spread + 0.3)
             panel.set_ylim(-0.05, 1.2)
-            panel.set_title(f"{at.gait.vx:+.2f} m/s")
+            panel.set_title(f"{signed(at.gait.vx, '.2f')} m/s")
             panel.axis("off")
         figure.suptitle(
             "Two steps from the side, drawn apart; dark the right leg, light the left",
@@ -174,10 +179,11 @@ def draw_clearance(motions: Sequence[Motion], path: Path) -> None:
         panels[0].annotate(
             f"at least {least:g} m",
             (0.5, least),
-            (0.0, -70.0),
+            (0.0, -8.0),
             color=_LIMIT,
             textcoords="offset points",
             ha="center",
+            va="top",
         )
         panels[0].set(title="Swing foot clearance", xlabel=_PHASE, ylabel="height of the sole (m)")
         panels[1].set(title="Way of the swing foot", xlabel="ahead of the stance foot (m)")
@@ -209,7 +215,7 @@ def draw_friction(motions: Sequence[Motion], path: Path) -> None:
             xlim=(-edge, edge),
             ylim=(0.0, 1.05 * highest),
             xlabel="fore and aft (N)",
-            ylabel="across the ground (N)",
+            ylabel="normal (N)",
         )
         panels[1].axhline(FRICTION, color=_LIMIT, linewidth=0.9, linestyle="--")
         panels[1].set(

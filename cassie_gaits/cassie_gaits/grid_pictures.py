@@ -11,14 +11,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from cassie_gaits.gait_library import Gait
-from cassie_gaits.gait_pictures import SPEED_NAMES, STYLE, draw_outputs
+from cassie_gaits.gait_pictures import SPEED_NAMES, STYLE, draw_outputs, signed
 from cassie_gaits.neighbours import greatest
 from cassie_gaits.records import FloatArray
 
 SLICES = {"yaw_rate": 0.5, "vy": 0.0}
 """Sagittal speed (m/s) of the slices over each of these speeds."""
 
-_HOLE = "#f4e3e0"
+_HOLE = "#d55e00"  # orange, which is no colour of the maps
 
 
 def _certified(name: str) -> Callable[[Gait], float]:
@@ -50,7 +50,13 @@ def grid_figure(gaits: Sequence[Gait]) -> Figure:
     axes = [sorted({getattr(gait, name) for gait in gaits}) for name in SPEED_NAMES]
     with matplotlib.rc_context(STYLE):
         apart = greatest(gaits)
-        maps = (*MAPS, ("farthest neighbour\nby median", lambda gait: apart[_speeds(gait)]))
+        maps = (
+            *MAPS,
+            (
+                "farthest neighbour,\ntimes the median\nof its direction",
+                lambda gait: apart[_speeds(gait)],
+            ),
+        )
         size = (1.9 * len(axes[2]) + 1.6, 1.7 * len(maps) + 0.8)
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(maps), len(axes[2]), sharex=True, sharey=True, squeeze=False)
@@ -61,10 +67,10 @@ def grid_figure(gaits: Sequence[Gait]) -> Figure:
             figure.colorbar(mesh, ax=list(row), label=label, aspect=14, pad=0.01)
             row[0].set_ylabel("to the left (m/s)")
         for k, rate in enumerate(axes[2]):
-            panels[0, k].set_title(f"{rate:+g} rad/s")
+            panels[0, k].set_title(f"{signed(rate, 'g')} rad/s")
             panels[-1, k].set_xlabel("ahead (m/s)")
         holes = int(np.prod([len(axis) for axis in axes])) - len(gaits)
-        missing = f"; pale: {holes} without a gait" if holes else ""
+        missing = f"; orange: {holes} without a gait" if holes else ""
         figure.suptitle(f"{len(gaits)} gaits by turning rate{missing}", x=0.01, ha="left")
         return figure
 

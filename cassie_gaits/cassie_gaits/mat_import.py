@@ -10,13 +10,16 @@ Rows of HAlpha: hip roll, hip yaw, leg pitch, leg length, toe of the left leg, t
 with the torso upright. Angles are those of this project (`virtual_leg`), with roll and yaw positive
 to the left, and q7 for the toe. Leg pitch may have either sign; the motion of the swing legs at
 speed decides which. Values that such a file does not have are zero (torso) or missing (torques,
-passive motion). The library is not certified. What was set, derived or left out stands in the
-library's settings as `remarks`.
+passive motion). The library is not certified. Where the feet land, in the swing leg's values at the
+end of a step, must fit the speed and the step time. What was set, derived or left out, and the
+ranges found, stand in the library's settings as `remarks`.
 """
 
 from __future__ import annotations
 
 import datetime
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +40,18 @@ _STEEP = 0.5
 
 BEYOND_STOPS = 0.1
 """Angle by which a joint of an imported gait may be beyond the joint's stops. In rad."""
+
+FEET_APART = (0.1, 0.5)
+"""Least and largest lateral distance of the feet at touchdown. In m."""
+
+STEP_RATIO = (0.5, 2.0)
+"""Least and largest ratio of the step's length to speed times step time."""
+
+STRAIGHT_YAW = 0.1
+"""Largest hip yaw of gaits that walk straight. In rad."""
+
+_SHORT_STEP = 0.05  # m; a shorter step does not show the unit of the speeds
+_MIRRORED = 0.01  # rad; smaller angles do not show whether the legs are mirrored
 
 _PHASES = np.linspace(0.0, 1.0, 41)
 _BASIS = np.array([bezier.basis(phase)[:, 0] for phase in _PHASES])
@@ -71,6 +86,7 @@ def import_mat(path: Path) -> GaitLibrary:
             pair = [_outputs(alpha[i], s, sign) for s, alpha in enumerate(stances)]
             gaits.append(Gait(float(speeds[i]), 0.0, 0.0, float(times[i]), np.array(pair)))
         remarks = [*_remarks(content, velocity, ct), _sign_remark(speeds, sign)]
+        remarks += _checked_remarks(gaits)
         settings = {"file": path.name, "leg_pitch_sign": sign, "remarks": remarks}
         today = datetime.date.today().isoformat()
         provenance = Provenance("cassie_gaits.optimize_gaits --import", "1", today, settings)
@@ -161,6 +177,86 @@ def _sign_remark(speeds: FloatArray, sign: float) -> str:
     positive = "in front of" if sign > 0.0 else "behind"
     reason = "as the legs swing at speed" if speeds.any() else "a guess, as every speed is 0"
     return f"leg pitch: positive puts the toe {positive} the hip ({reason})"
+
+
+def _checked_remarks(gaits: Sequence[Gait]) -> list[str]:
+    """Ranges of what was found, one line each, after a check of angles and footholds.
+
+    Raises:
+        GaitLibraryError: if left and right leg are not mirrored, the hips turn although the gaits
+            walk straight, or the feet do not land where speed and step time ask for.
+    """
+    lines = []
+    for name, outputs in (
+        ("hip roll", ("swing_leg_roll",)),
+        ("hip yaw", ("swing_hip_yaw", "stance_hip_yaw")),
+    ):
+        rows = [OUTPUTS.index(output) for output in outputs]
+        left, right = (
+            np.array([gait.coefficients[stance][rows] @ _BASIS.T for gait in gaits])
+            for stance in (0, 1)
+        )
+        alike, mirrored = (float(np.abs(left + sign * right).max()) for sign in (1.0, -1.0))
+        if alike > max(mirrored, _MIRRORED):
+            raise GaitLibraryError(
+                f"{name} of left and right leg: their sum is up to {alike:.2g} rad, their "
+                f"difference up to {mirrored:.2g} rad, expected mirrored angles: positive is to "
+                "the left for both legs"
+            )
+        both = np.concatenate([left, -right])
+        low, high = float(both.min()), float(both.max())
+        if name == "hip yaw" and max(-low, high) > STRAIGHT_YAW:
+            raise GaitLibraryError(
+                f"hip yaw is {low:.2g} .. {high:.2g} rad, expected at most {STRAIGHT_YAW:g} rad as "
+                "the gaits walk straight: is it in rad?"
+            )
+        lines.append(
+            f"{name}: {low:.2g} .. {high:.2g} rad in steps on the right leg, positive to the left"
+        )
+    ahead, apart = np.array([_foothold(gait) for gait in gaits]).T
+    expected = np.array([gait.vx * gait.step_time for gait in gaits])
+    title = "at touchdown the left foot, to the left of the right one,"
+    _check_range(title, apart, FEET_APART, "m")
+    for gait, length, wanted in zip(gaits, ahead.tolist(), expected.tolist(), strict=True):
+        ends = sorted(ratio * wanted for ratio in STEP_RATIO)
+        if abs(wanted) > _SHORT_STEP and not ends[0] <= length <= ends[1]:
+            raise GaitLibraryError(
+                f"the gait of {gait.vx:g} m/s with steps of {gait.step_time:g} s has steps of "
+                f"{length:.2g} m, expected {ends[0]:.2g} .. {ends[1]:.2g} m: are Velocity in m/s "
+                "and ct in 1/s?"
+            )
+    lines.append(f"feet at touchdown: {apart.min():.2g} .. {apart.max():.2g} m apart sideways")
+    lines.append(
+        f"steps: {ahead.min():.2g} .. {ahead.max():.2g} m long; speed times step time is "
+        f"{expected.min():.2g} .. {expected.max():.2g} m"
+    )
+    return lines
+
+
+def _foothold(gait: Gait) -> tuple[float, float]:
+    """Where the left foot lands relative to the right one: ahead and to the left. In m.
+
+    At that touchdown the right foot is where its swing begins in the next step.
+    """
+    left, right = _hanging_foot(gait, 0, -1), _hanging_foot(gait, 1, 0)
+    return left[0] - right[0], left[1] - right[1]
+
+
+def _hanging_foot(gait: Gait, stance: int, at: int) -> tuple[float, float]:
+    """Toe joint of the swing leg relative to the pelvis, ahead and to the left, torso upright.
+
+    Args:
+        gait: The gait.
+        stance: 0 for the left leg, which swings while the right one stands, else 1.
+        at: 0 for the begin of the step, -1 for its end.
+    """
+    value = dict(zip(OUTPUTS, gait.coefficients[stance][:, at].tolist(), strict=True))
+    links = {link.name: link for link in robot.leg_links(_LEGS[stance])}
+    below = -sum(links[name].position[2] for name in ("hip_yaw", "hip_pitch"))
+    length, pitch = value["swing_leg_length"], value["swing_leg_pitch"]
+    drop = below + length * math.cos(pitch)
+    side = links["hip_roll"].position[1] + math.sin(value["swing_leg_roll"]) * drop
+    return length * math.sin(pitch), side
 
 
 def _remarks(content: MatContent, velocity: FloatArray, ct: FloatArray) -> list[str]:

@@ -284,6 +284,17 @@ def test_a_damaged_partial_file_is_refused(tmp_path, line):
         partial.read([])
 
 
+@pytest.mark.parametrize("text", ["", '{"model_hash": "0123', "{}\n"])
+def test_a_partial_file_whose_first_line_is_cut_is_damaged_not_of_another_robot(tmp_path, text):
+    partial = PartialFile(tmp_path / "gaits.json")
+    partial.path.write_text(text)
+    with pytest.raises(GaitLibraryError, match=r"partial: line 1 is damaged; begin without --res"):
+        partial.read([])
+    partial.path.write_text('{"model_hash": "0123"}\n')
+    with pytest.raises(GaitLibraryError, match="is for another model of the robot"):
+        partial.read([])
+
+
 def test_the_dense_library_is_small_and_as_its_command_writes_it(tmp_path):
     packaged, again = library_path("dense"), tmp_path / "again.json.gz"
     save_library(load_library(packaged), again)

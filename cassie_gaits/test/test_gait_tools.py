@@ -92,8 +92,33 @@ def test_optimize_writes_resumes_and_keeps_a_good_library(tmp_path, capsys, monk
     monkeypatch.setattr(solution, "problem", lambda **_: hasty)
     failing = ["--speeds", "5.0", "--jobs", "1", "--out", str(out)]
     assert optimize_gaits.main(failing) == 1
-    assert "conflict" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "conflict" in printed
+    assert "failed: no gait found in 12 iterations; missed at the best point found: " in printed
     assert out.read_bytes() == good
+    again = ["--speeds", *map(str, range(-4, 5)), *failing[2:]]
+    monkeypatch.setattr(optimize_gaits, "find", failed)
+    assert optimize_gaits.main(again) == 1
+    assert capsys.readouterr().out.count("vx +4.00 m/s") == 1
+    assert optimize_gaits.main([*again, "--resume"]) == 1
+    assert "no gait for vx +4.00 m/s: it fell" in capsys.readouterr().out
+
+
+def failed(requests, executor, done):
+    """`find` that finds nothing."""
+    yield from (library.Result(request, None, None, "it fell") for request in requests)
+
+
+def test_without_a_cluster_no_file_is_begun(tmp_path, monkeypatch):
+    monkeypatch.setattr(optimize_gaits, "CONNECT_TIMEOUT", 0.5)
+    words = ["--speeds", "0", "--out", str(tmp_path / "gaits.json")]
+    assert optimize_gaits.main([*words, "--scheduler", "tcp://127.0.0.1:1"]) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path, capsys):
+    assert optimize_gaits.main(["--speeds", "0", "--out", str(tmp_path / "gaits.txt")]) == 2
+    assert "gaits.txt ends neither in .json nor in .json.gz" in capsys.readouterr().err
 
 
 def killed_after(count):
@@ -176,6 +201,32 @@ def test_plots_are_drawn_with_a_table(tmp_path, capsys):
     table = capsys.readouterr().out
     assert table.count(" of stance ") == len(optimize_gaits.SPEEDS)
     assert plot_gaits.main([str(tmp_path / "nothing.json")]) == 2
+
+
+def test_the_progress_of_plots_is_shown_on_a_terminal_only(tmp_path, capsys, monkeypatch):
+    gait = load_library(OPTIMIZED).gaits[0]
+    monkeypatch.setattr(plot_gaits, "motion", gait_motion_that_breaks)
+    words = [str(OPTIMIZED), "--out", str(tmp_path)]
+    assert plot_gaits.main(words) == 2
+    assert capsys.readouterr().err == f"plot_gaits: error: the gait of {gait.speeds}: it broke\n"
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
+    assert plot_gaits.main(words) == 2
+    assert "\r1 of 7 gaits" in capsys.readouterr().err
+
+
+def gait_motion_that_breaks(gait):
+    raise GaitLibraryError("it broke")
+
+
+def test_labels_of_rates_and_holes_of_the_maps_can_be_read():
+    gaits = [gait for gait in load_library(library_path("dense")).gaits if gait.vx == 0.0]
+    figure = grid_figure(gaits[:-1])
+    assert "0 rad/s" in [axes.get_title(loc="left") for axes in figure.axes]
+    assert (
+        figure.get_suptitle() == f"{len(gaits) - 1} gaits by turning rate; orange: 1 without a gait"
+    )
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert "farthest neighbour,\ntimes the median\nof its direction" in labels
 
 
 def test_a_grid_gets_maps_and_slices(tmp_path):

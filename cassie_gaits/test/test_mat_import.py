@@ -106,6 +106,16 @@ def test_speeds_stand_in_a_row_a_column_or_the_first_row(tmp_path, shape):
     assert [gait.vx for gait in imported(tmp_path, found).gaits] == [g.vx for g in LIBRARY.gaits]
 
 
+def test_it_tells_the_ranges_and_where_the_feet_land(tmp_path):
+    found = remarks(imported(tmp_path, content())).splitlines()
+    assert found[-4:] == [
+        "hip roll: -0.0061 .. 0.025 rad in steps on the right leg, positive to the left",
+        "hip yaw: -0.0033 .. 0.004 rad in steps on the right leg, positive to the left",
+        "feet at touchdown: 0.26 .. 0.26 m apart sideways",
+        "steps: -0.2 .. 0.4 m long; speed times step time is -0.2 .. 0.4 m",
+    ]
+
+
 def test_the_sign_of_leg_pitch_is_a_guess_without_speeds(tmp_path):
     assert "a guess, as every speed is 0" in remarks(imported(tmp_path, one_gait(0.0)))
 
@@ -126,6 +136,20 @@ def in_degrees(found):
         found[stance]["HAlpha"][:, [0, 1, 5, 6]] *= 180.0 / np.pi
 
 
+def scaled(rows, factor):
+    def change(found):
+        for stance in ("RightStance", "LeftStance"):
+            found[stance]["HAlpha"][:, rows] *= factor
+
+    return change
+
+
+def feet_crossed(found):
+    for leg, row in ((0, 0), (1, 5)):
+        stance = ("RightStance", "LeftStance")[leg]
+        found[stance]["HAlpha"][:, row] += (-0.15, 0.15)[leg]
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -144,6 +168,13 @@ def in_degrees(found):
         (lambda c: set_rows(c, [6], -0.6), "row 7 (right hip yaw), is -0.6 .. -0.6 rad, expected"),
         (lambda c: set_rows(c, [2, 7], 50.0), "row 3 (left leg pitch), as hip pitch is 50"),
         (in_degrees, "HAlpha, row"),
+        (scaled([1, 6], 180.0 / np.pi), "hip yaw is -0.19 .. 0.23 rad, expected at most 0.1 rad"),
+        (scaled([5], -1.0), "hip roll of left and right leg: their sum is up to 0.05 rad"),
+        (feet_crossed, "at touchdown the left foot, to the left of the right one, is -0.0"),
+        (
+            lambda c: c["Velocity"].__imul__(3.6),
+            "the gait of -1.8 m/s with steps of 0.4 s has steps of -0.2 m, expected -1.4 .. -0.36",
+        ),
         (
             lambda c: c["Velocity"].__imul__(1e6),
             "the first row of Velocity is -5e+05 .. 1e+06 m/s",

@@ -128,13 +128,16 @@ def test_a_gait_that_is_found_misses_nothing(outcome):
     reasons = conflict(REQUEST, outcome.unknowns)
     assert reasons.missed == ()
     assert "distance between feet" in reasons.against
+    assert str(reasons).startswith("the optimizer's own constraints can be met; what binds most: ")
 
 
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        ({"vx": float("nan")}, "vx is nan"),
-        ({"step_time": 0.0}, "step_time is 0.0, expected 0.05"),
+        ({"vx": float("nan")}, r"vx is nan m/s, expected -5 \.\. 5 m/s"),
+        ({"step_time": 0.0}, r"step_time is 0 s, expected 0\.05 \.\. 1\.5 s"),
+        ({"payload": -3.0}, r"payload is -3 kg, expected 0 \.\. 30 kg"),
+        ({"clearance": 2.0}, r"clearance is 2 m, expected 0 \.\. 1 m"),
         ({"vy": 0.1}, "neither goes sideways nor turns"),
     ],
 )

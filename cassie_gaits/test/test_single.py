@@ -86,15 +86,15 @@ def test_a_robot_that_turns_on_a_slope_gets_a_gait_straight_ahead():
     [
         (Conditions(0.3, 0.0, 0.3, 0.0, 0.1), "do not turn"),
         (Conditions(float("nan"), 0.0, 0.0, 0.0, 0.0), "vx is nan"),
-        (Conditions(9.0, 0.0, 0.0, 0.0, 0.0), "vx is 9.0, expected"),
+        (Conditions(9.0, 0.0, 0.0, 0.0, 0.0), "vx is 9 m/s, expected"),
         (Conditions(0.0, 0.0, 0.0, 80.0, 0.0), "payload is 80"),
-        (Conditions(0.0, 0.0, 0.0, -5.0, 0.0), "payload is -5.0, expected 0.0 .. 30.0"),
+        (Conditions(0.0, 0.0, 0.0, -5.0, 0.0), "payload is -5 kg, expected 0 .. 30 kg"),
         (Conditions(0.0, 0.0, 0.0, float("nan"), 0.0), "payload is nan"),
-        (Conditions(0.0, 0.0, 0.0, 1e308, 0.0), "payload is 1e+308, expected 0.0 .. 30.0"),
-        (Conditions(-1e308, 0.0, 0.0, 0.0, 0.0), "vx is -1e+308, expected -5.0 .. 5.0"),
-        (Conditions(0.0, 0.0, 1e308, 0.0, 0.0), "yaw_rate is 1e+308, expected -3.0 .. 3.0"),
-        (Conditions(0.0, 0.0, 0.0, 0.0, -1e308), "slope is -1e+308, expected -1.0 .. 1.0"),
-        (Conditions(0.0, 1e306, 0.0, 0.0, 0.0), "vy is 1e+306, expected -2.0 .. 2.0"),
+        (Conditions(0.0, 0.0, 0.0, 1e308, 0.0), "payload is 1e+308 kg, expected 0 .. 30 kg"),
+        (Conditions(-1e308, 0.0, 0.0, 0.0, 0.0), "vx is -1e+308 m/s, expected -5 .. 5 m/s"),
+        (Conditions(0.0, 0.0, 1e308, 0.0, 0.0), "yaw_rate is 1e+308 rad/s, expected -3 .. 3 rad/s"),
+        (Conditions(0.0, 0.0, 0.0, 0.0, -1e308), "slope is -1e+308 rad, expected -1 .. 1 rad"),
+        (Conditions(0.0, 1e306, 0.0, 0.0, 0.0), "vy is 1e+306 m/s, expected -2 .. 2 m/s"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_words(maker, conditions, words):

@@ -80,6 +80,30 @@ def test_bad_values_are_refused_by_name(change, message):
         replace_checked(from_mapping(Config, GOOD), **change)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    low: float = tunable(0.0, "m", -9, 9, "lower end")
+    high: float = tunable(1.0, "m", -9, 9, "upper end")
+
+    def __post_init__(self):
+        if self.low > self.high:
+            raise ParameterError(f"low = {self.low:g} is above high = {self.high:g}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranges:
+    reach: Range = field(default_factory=Range)
+
+
+@pytest.mark.parametrize("value", ["wide", [1.0], True, float("nan"), None])
+def test_types_are_checked_before_a_class_compares_its_fields(value):
+    with pytest.raises(ParameterError, match=r"^low = "):
+        replace_checked(Range(), low=value)
+    for changed in (from_mapping, lambda cls, given: replace_checked(cls(), **flatten(given))):
+        with pytest.raises(ParameterError, match=r"^reach\.low = "):
+            changed(Ranges, {"reach": {"low": value}})
+
+
 @pytest.mark.parametrize("value", [300, 301])
 def test_a_figure_given_nested_and_with_dots_is_refused(value):
     given = {**GOOD, "gains.kp_knee": value}

@@ -11,6 +11,7 @@ from cassie_sim.stretches import SURFACES, Stretch, read_stretch
 
 _GRASS, _SNOW, _SAND, _BURN = (SURFACES[name] for name in ("grass", "snow", "sand", "burn"))
 _GRAVEL = SURFACES["gravel"]
+_NEVER = 1e9  # s
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,13 +163,24 @@ class Segway(Flat):
     )
     softness: float = tunable(1.0, "", 0.2, 5.0, "Factor by which the balance gains are reduced")
     let_go: float = tunable(
-        1e9, "s", 0.0, None, "Time at which the bar is released, unless commanded earlier"
+        _NEVER, "s", 0.0, None, "Time at which the bar is released, unless commanded earlier"
     )
-    take_hold: float = tunable(1e9, "s", 0.0, None, "Time at which the bar is held again")
+    take_hold: float = tunable(_NEVER, "s", 0.0, None, "Time at which the bar is held again")
     length: float = tunable(
         400.0, "m", 10.0, 1000.0, "Length of the uneven ground; level beyond that"
     )
     seed: int = tunable(1, "", 0, 2**31, "Seed of the bumps")
+
+    def __post_init__(self) -> None:
+        """Check that the bar is not taken before it is released.
+
+        Raises:
+            ParameterError: if it is; the message has both times.
+        """
+        if self.take_hold < self.let_go < _NEVER:
+            raise ParameterError(
+                f"take_hold = {self.take_hold:g} s is before let_go = {self.let_go:g} s"
+            )
 
 
 @dataclass(frozen=True)

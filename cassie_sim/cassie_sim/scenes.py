@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -10,7 +12,7 @@ import mujoco
 
 from cassie_gaits import robot
 from cassie_gaits.names import LEGS
-from cassie_msgs.tunables import from_mapping, replace_checked, unknown_name
+from cassie_msgs.tunables import ParameterError, from_mapping, replace_checked, unknown_name
 from cassie_sim.errors import SimulationError
 from cassie_sim.ground import Surface, add_plane, add_texture, make_ground, tilt
 from cassie_sim.motion import GroundMotion
@@ -52,6 +54,7 @@ _MOVING = "moving_ground"
 _BLOCK_SIZE = (0.25, 0.11, 0.15)  # half lengths, in m
 _BLOCK_Y = 0.15  # m, distance to the side
 _PILLAR_HEIGHT = 2.5  # m
+_DARK_TREAD = (0.62, 0.64, 0.68, 1.0)  # every second tread of stairs
 
 
 def read_scene(name: str, parameters: Mapping[str, object]) -> Any:
@@ -63,12 +66,18 @@ def read_scene(name: str, parameters: Mapping[str, object]) -> Any:
 
     Raises:
         SimulationError: if there is no such scene; the message names the nearest one.
-        ParameterError: if a parameter is unknown or out of range.
+        ParameterError: if a parameter is unknown or out of range; the message begins with its path
+            in an experiment, such as `scene_parameters.riser`.
     """
     if name not in SCENES:
         raise SimulationError(unknown_name(name, SCENES, "scene"))
     cls, _ = SCENES[name]
-    return read_course(parameters) if cls is Course else from_mapping(cls, parameters)
+    try:
+        return read_course(parameters) if cls is Course else from_mapping(cls, parameters)
+    except ParameterError as error:
+        first = re.split(r"[ .:]", str(error), maxsplit=1)[0]
+        dot = "." if first in {field.name for field in dataclasses.fields(cls)} else ": "
+        raise ParameterError(f"scene_parameters{dot}{error}") from None
 
 
 def scene_spec(
@@ -192,7 +201,10 @@ def _gravel(spec: mujoco.MjSpec, settings: Gravel) -> None:
 
 
 def _stairs(spec: mujoco.MjSpec, settings: Stairs) -> None:
-    add_stretches(spec, stairs_stretches(settings), 0)
+    stretches = stairs_stretches(settings)
+    add_stretches(spec, stretches, 0)
+    for index in range(2, len(stretches), 2):  # so that one tread is told from the next
+        spec.geom(f"stretch_{index}").rgba = _DARK_TREAD
 
 
 def _random_course(spec: mujoco.MjSpec, settings: RandomCourse) -> None:

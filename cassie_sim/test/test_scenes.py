@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import re
 
 import mujoco
 import numpy as np
@@ -15,6 +17,7 @@ from cassie_sim.plant import Plant
 from cassie_sim.plant_config import PlantConfig
 from cassie_sim.poses import height_over_ground, lowest_sole, set_drives
 from cassie_sim.scenes import SCENES, scene_motion, scene_spec
+from cassie_sim.stairs import Stairs, stairs_stretches
 
 
 def ground_height(model: mujoco.MjModel, x: float, y: float = 0.0) -> float:
@@ -48,6 +51,55 @@ def test_branches_thinner_than_the_thinnest_are_named():
 def test_parameter_out_of_range_names_value_and_range():
     with pytest.raises(ParameterError, match=r"rise_deg = 45 deg is outside -30 .. 30 deg"):
         scene_spec("slope", {"rise_deg": 45.0})
+
+
+@pytest.mark.parametrize(
+    ("scene", "parameters", "message"),
+    [
+        ("stairs", {"riser": 0.9}, "scene_parameters.riser = 0.9 m is outside 0 .. 0.25 m"),
+        ("stairs", {"riser": "high"}, "scene_parameters.riser = 'high' is not a number"),
+        (
+            "stairs",
+            {"risers": 0.1},
+            "scene_parameters: unknown parameter risers: did you mean riser?",
+        ),
+        (
+            "course",
+            {},
+            "scene_parameters.stretches must be given: a list of {surface, length, ...}",
+        ),
+        (
+            "course",
+            {"stretches": [{"step": 1.0}]},
+            "scene_parameters.stretches.0: step = 1 m is out",
+        ),
+        (
+            "segway",
+            {"let_go": 5, "take_hold": 3},
+            "scene_parameters.take_hold = 3 s is before let_go",
+        ),
+    ],
+)
+def test_a_wrong_parameter_is_named_with_its_path_in_an_experiment(scene, parameters, message):
+    with pytest.raises(ParameterError, match=f"^{re.escape(message)}"):
+        scene_spec(scene, parameters)
+
+
+def test_treads_of_stairs_differ_in_their_colour_alone():
+    parameters = {"number": 3, "riser": 0.1}
+    stairs = scene_spec("stairs", parameters).compile()
+    stretches = [dataclasses.asdict(each) for each in stairs_stretches(Stairs(**parameters))]
+    course = scene_spec("course", {"stretches": stretches, "seed": 0}).compile()
+    treads = [stairs.geom(f"stretch_{i}") for i in range(1, 4)]
+    assert treads[0].rgba.tolist() != treads[1].rgba.tolist()
+    assert treads[0].rgba.tolist() == treads[2].rgba.tolist()
+    for name in ("geom_pos", "geom_size", "geom_friction", "geom_solref", "geom_contype"):
+        np.testing.assert_array_equal(getattr(stairs, name), getattr(course, name))
+
+
+def test_a_bar_may_be_taken_at_a_time_while_its_release_is_commanded():
+    scene_spec("segway", {"take_hold": 3.0})
+    scene_spec("segway", {"let_go": 3.0, "take_hold": 5.0})
 
 
 def test_flat_ground_is_at_zero():

@@ -281,6 +281,7 @@ _DRIVE = "drive again: Drive on the page, or a key of keyboard_teleop"
 _ADVICE = {
     "fallen": "cut the power, hang it up, switch the power on, let it down; or reset",
     "no power: ": "the operator asks for stand without a speed, and switches power off and on",
+    "no answer: is gait_optimizer running?": "start it: ros2 run cassie_gaits gait_optimizer",
     **dict.fromkeys(_OPERATOR_GONE, _DRIVE),
 }
 """What to do about a problem that begins with these words."""

@@ -113,6 +113,11 @@ def test_a_healthy_robot_has_no_findings():
         ),
         (replace(HEALTHY, diagnostics=((1, "radio: x", "silent"),)), WARNING, "radio: x: silent"),
         (replace(HEALTHY, diagnostics=((2, "radio: x", "broken"),)), ERROR, "the log of radio"),
+        (
+            replace(HEALTHY, diagnostics=((1, "c: g", "no answer: is gait_optimizer running?"),)),
+            WARNING,
+            "start it: ros2 run cassie_gaits gait_optimizer",
+        ),
         (replace(HEALTHY, readiness="hold still"), NOTE, "not entered: hold still"),
         (replace(HEALTHY, changed=(("simulator", "seed", 3, 0),)), NOTE, "seed = 3, default 0"),
         (

@@ -10,7 +10,7 @@ import numpy as np
 
 from cassie_bags.bag.continuity import first_occurrences
 from cassie_bags.bag.fields import entry_name
-from cassie_bags.bag.recording import LANE_TOPICS, TYPES, Recording
+from cassie_bags.bag.recording import GAIT_TOPICS, LANE_TOPICS, TYPES, Recording
 from cassie_bags.bag.rows import BoolArray, IntArray, Rows, stamps, stamps_ns
 from cassie_msgs.layout import OperatorCommand
 
@@ -63,12 +63,17 @@ class TopicComparison:
 
 
 def compare_recordings(one: Recording, other: Recording) -> list[TopicComparison]:
-    """Compare every topic that is recorded in every run.
+    """Compare every topic that is recorded in every run, and gaits where both runs have them.
 
     Samples are matched by the order of their episodes and by their tick. The number of an episode
     is not compared, because it differs between runs.
     """
-    return [_compare(topic, one, other) for topic in TYPES]
+    gaits = [
+        topic
+        for topic, kind in GAIT_TOPICS.items()
+        if len(one.rows(kind)) and len(other.rows(kind))
+    ]
+    return [_compare(topic, one, other) for topic in (*TYPES, *gaits)]
 
 
 def _compare(topic: str, one: Recording, other: Recording) -> TopicComparison:
@@ -137,8 +142,8 @@ def _unequal(a: Rows, b: Rows) -> BoolArray:
 
 def _keyed(recording: Recording, topic: str) -> tuple[Rows, IntArray]:
     """Samples of a topic without repeats, and the keys that match them with the other recording."""
-    if topic in LANE_TOPICS:
-        rows = recording.lane[topic]
+    if topic in LANE_TOPICS or topic in GAIT_TOPICS:
+        rows = {**recording.lane, **recording.gaits}[topic]
         if topic == OperatorCommand.TOPIC and not rows["scripted"].all():
             return rows, np.arange(len(rows))  # a person's commands have no tick
         rows = first_occurrences(rows)

@@ -110,7 +110,8 @@ def only_episode(recording: Recording, episode: int) -> Recording:
     """The part of a recording that belongs to one of its episodes."""
     sensors = recording.lane[Sensors.TOPIC]
     lane = {
-        topic: where(rows, rows["episode"] == episode) for topic, rows in recording.lane.items()
+        topic: where(rows, rows["episode"] == episode)
+        for topic, rows in {**recording.lane, **recording.gaits}.items()
     }
     stamped = {
         topic: where(rows, episode_of(rows, sensors) == episode)

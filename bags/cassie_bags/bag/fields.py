@@ -14,6 +14,9 @@ from dataclasses import dataclass
 from cassie_bags.bag.recording import GROUND_TRUTH_TOPIC, SEGWAY_IMU_TOPIC, SEGWAY_TRUTH_TOPIC
 from cassie_msgs.layout import (
     ControllerStatus,
+    Gait,
+    GaitRequest,
+    GaitResult,
     Mode,
     MotorCommand,
     OperatorCommand,
@@ -51,6 +54,9 @@ _VARIANCES = (
 _POSE_UNITS = ("m",) * 3 + ("rad",) * 17
 _OUTPUT_UNITS = tuple("m" if name.endswith("length") else "rad" for name in OUTPUTS)
 _VARIANCE_UNITS = ("m^2",) * 3 + ("rad^2",) * 3 + ("m^2/s^2",) * 3 + ("rad^2/s^2",) * 3
+_RESULTS = ", ".join(f"{result.value} {result.name.lower()}" for result in GaitResult)
+_COEFFICIENTS = tuple(f"{name}.{k}" for name in OUTPUTS for k in range(6))
+_COEFFICIENT_UNITS = tuple(unit for unit in _OUTPUT_UNITS for _ in range(6))
 _MODES = ", ".join(f"{mode.value} {mode.name.lower()}" for mode in RobotMode)
 
 
@@ -108,6 +114,15 @@ _SET_POINTS = {
     "roll": Field("rad", "torso roll"),
     "pitch": Field("rad", "torso pitch"),
     "trims": Field("rad", "trims", _TRIMS),
+}
+_GAIT = {
+    **_COMMON,
+    "effective_seq": Field("", "first control tick at which the gait may be taken up"),
+    "vx": Field("m/s", "mean velocity forward"),
+    "vy": Field("m/s", "mean velocity to the left"),
+    "yaw_rate": Field("rad/s", "mean turn rate to the left"),
+    "payload": Field("kg", "mass on the pelvis in addition to its own"),
+    "slope": Field("rad", "rise of the ground ahead"),
 }
 _ODOMETRY = {
     **_STAMP,
@@ -197,6 +212,18 @@ FIELDS: dict[str, dict[str, Field]] = {
         "sender": Field("", "name of the sender, ASCII codes", tuple(str(i) for i in range(30))),
     },
     GROUND_TRUTH_TOPIC: _ODOMETRY,
+    GaitRequest.TOPIC: _GAIT,
+    Gait.TOPIC: {
+        **_GAIT,
+        "result": Field("", _RESULTS),
+        "step_time": Field("s", "duration of a step"),
+        **{
+            f"{leg}_stance": Field(
+                "", "Bezier coefficients of the outputs", _COEFFICIENTS, _COEFFICIENT_UNITS
+            )
+            for leg in LEGS
+        },
+    },
     SEGWAY_TRUTH_TOPIC: _ODOMETRY,
     SEGWAY_IMU_TOPIC: {
         **_STAMP,

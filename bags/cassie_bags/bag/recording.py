@@ -17,12 +17,15 @@ from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.rows import BoolArray, Rows
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.errors import BagError
-from cassie_msgs.layout import SAMPLE_TYPES, Sample, Sensors
+from cassie_msgs.layout import GAIT_TYPES, SAMPLE_TYPES, Sample, Sensors
 from cassie_msgs.sample import ENCAPSULATION, LayoutError
 from cassie_msgs.standard_messages import IMU, ODOMETRY, Kind, layout, read_rows
 
 LANE_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in SAMPLE_TYPES}
 """Sample type of each topic of the control lane."""
+
+GAIT_TOPICS: dict[str, type[Sample]] = {kind.TOPIC: kind for kind in GAIT_TYPES}
+"""Sample type of each topic between the controller and gait_optimizer."""
 
 GROUND_TRUTH_TOPIC = "/cassie/ground_truth"
 SEGWAY_TRUTH_TOPIC = "/segway/ground_truth"
@@ -40,6 +43,9 @@ TYPES: dict[str, str] = {
 }
 """Message type of each topic that is recorded in every run; the Segway's only with a Segway."""
 
+KNOWN_TYPES = TYPES | {topic: kind.TYPE for topic, kind in GAIT_TOPICS.items()}
+"""Message type of each topic of a `Recording`."""
+
 
 def _lane_fields(kind: type[Sample]) -> tuple[str, ...]:
     fields = []
@@ -56,7 +62,7 @@ def _doubles(name: str, axes: str) -> tuple[str, ...]:
 
 _HEADER = ("int32 header.stamp.sec", "uint32 header.stamp.nanosec", "string header.frame_id")
 _FIELDS: dict[str, tuple[str, ...]] = {
-    **{kind.TYPE: _lane_fields(kind) for kind in SAMPLE_TYPES},
+    **{kind.TYPE: _lane_fields(kind) for kind in (*SAMPLE_TYPES, *GAIT_TYPES)},
     ODOMETRY.type: (
         *_HEADER,
         "string child_frame_id",
@@ -81,10 +87,10 @@ _FIELDS: dict[str, tuple[str, ...]] = {
 
 
 def layout_problem(topic: str, index: BagIndex) -> str:
-    """Why the messages of a topic of `TYPES` cannot be read by `rows_of`; empty if they can."""
+    """Why `rows_of` cannot read the messages of a topic of `KNOWN_TYPES`; empty if it can."""
     if topic in index.unreadable:
         return index.unreadable[topic]
-    schema, kind = index.definitions[topic], TYPES[topic]
+    schema, kind = index.definitions[topic], KNOWN_TYPES[topic]
     if schema.name != kind:
         return f"the bag names the message type {schema.name}, not {kind}"
     if schema.encoding not in ("ros2msg", ""):
@@ -100,13 +106,13 @@ def layout_problem(topic: str, index: BagIndex) -> str:
 
 
 def require_layouts(topics: Iterable[str], index: BagIndex) -> None:
-    """Check that the messages of those topics which are of `TYPES` can be read by `rows_of`.
+    """Check that the messages of those topics which are of `KNOWN_TYPES` can be read by `rows_of`.
 
     Raises:
         BagError: if those of a topic cannot; the message names the topic and says why.
     """
     for topic in topics:
-        if topic in TYPES and (reason := layout_problem(topic, index)):
+        if topic in KNOWN_TYPES and (reason := layout_problem(topic, index)):
             raise BagError(f"{topic} cannot be read: {reason}")
 
 
@@ -148,6 +154,8 @@ class Recording:
         wall_time: Wall time of the run, from the first sensor sample to the last; NaN if unknown.
             In s.
         metadata: Metadata records by name: seed, values drawn, versions, the experiment's file.
+        gaits: Rows of /cassie/gait_request and /cassie/gait; none unless the controller took gaits
+            from gait_optimizer.
         strays: Number of messages from publishers outside of the run by topic, which were left out
             (`without_strays`).
     """
@@ -158,6 +166,7 @@ class Recording:
     segway_imu: Rows
     wall_time: float
     metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    gaits: Mapping[str, Rows] = field(default_factory=dict)
     strays: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -171,23 +180,28 @@ class Recording:
         Args:
             flags: Whether each message is of the run, by topic, as from `strays.of_the_run`.
         """
-        flags = of_the_run(self.lane, self.stamped) if flags is None else flags
+        flags = of_the_run({**self.lane, **self.gaits}, self.stamped) if flags is None else flags
         strays = {topic: int((~own).sum()) for topic, own in flags.items() if not own.all()}
         if not strays:
             return self
-        rows = {**self.lane, **self.stamped}
+        rows = {**self.lane, **self.stamped, **self.gaits}
         for topic in strays:
             rows[topic] = rows[topic][flags[topic]]
         return dataclasses.replace(self.with_rows(rows), strays=strays)
 
     def with_rows(self, rows: Mapping[str, Rows]) -> Recording:
-        """The recording with other rows of each topic."""
+        """The recording with other rows of each topic; those of the gaits may stay."""
         lane = {topic: rows[topic] for topic in self.lane}
+        gaits = {topic: rows.get(topic, own) for topic, own in self.gaits.items()}
         truth, segway, imu = (rows[topic] for topic in _STAMPED)
-        return dataclasses.replace(self, lane=lane, truth=truth, segway=segway, segway_imu=imu)
+        return dataclasses.replace(
+            self, lane=lane, truth=truth, segway=segway, segway_imu=imu, gaits=gaits
+        )
 
     def rows(self, kind: type[Sample]) -> Rows:
         """Rows of one message type, such as `recording.rows(RobotState)["q"]`."""
+        if kind.TOPIC in GAIT_TOPICS:
+            return self.gaits.get(kind.TOPIC, np.empty(0, kind.DTYPE))
         return self.lane[kind.TOPIC]
 
 
@@ -201,10 +215,11 @@ def from_messages(
     Raises:
         BagError: if a message does not have the size of its type.
     """
-    rows = {topic: rows_of(topic, messages.get(topic, [])) for topic in TYPES}
+    rows = {topic: rows_of(topic, messages.get(topic, [])) for topic in KNOWN_TYPES}
     lane = {topic: rows[topic] for topic in LANE_TOPICS}
+    gaits = {topic: rows[topic] for topic in GAIT_TOPICS}
     truth, segway, imu = (rows[topic] for topic in _STAMPED)
-    return Recording(lane, truth, segway, imu, wall_time, metadata or {})
+    return Recording(lane, truth, segway, imu, wall_time, metadata or {}, gaits)
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -213,11 +228,11 @@ def read_recording(path: Path | str) -> Recording:
     Raises:
         BagError: if the file is not a bag, or a message is of another type than its topic's.
     """
-    messages: dict[str, list[bytes]] = {topic: [] for topic in TYPES}
+    messages: dict[str, list[bytes]] = {topic: [] for topic in KNOWN_TYPES}
     logs: list[int] = []
     walls: list[int] = []
     index = BagIndex()
-    for topic, log_time, wall, data in read_messages(path, TYPES, index):
+    for topic, log_time, wall, data in read_messages(path, KNOWN_TYPES, index):
         messages[topic].append(data)
         if topic == Sensors.TOPIC:
             logs.append(log_time)
@@ -237,13 +252,13 @@ def run_time(logs: Sequence[int], walls: Sequence[int]) -> float:
 
 
 def rows_of(topic: str, messages: Sequence[bytes]) -> Rows:
-    """Messages of one of `TYPES` as one structured array.
+    """Messages of one of `KNOWN_TYPES` as one structured array.
 
     Raises:
         BagError: if a message is of another type, or names of frames differ in length.
     """
-    if topic in LANE_TOPICS:
-        return lane_rows(LANE_TOPICS[topic], messages)
+    if kind := LANE_TOPICS.get(topic) or GAIT_TOPICS.get(topic):
+        return lane_rows(kind, messages)
     try:
         rows = read_rows(_STAMPED[topic], messages)
     except LayoutError as error:

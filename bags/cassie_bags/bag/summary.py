@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from cassie_bags.bag.continuity import gaps
+from cassie_bags.bag.continuity import first_occurrences, gaps
 from cassie_bags.bag.fields import DRIVES, JOINTS
 from cassie_bags.bag.location import bag_files
 from cassie_bags.bag.node_events import EVENTS_TOPIC, read_event
 from cassie_bags.bag.reader import BagIndex, read_messages
 from cassie_bags.bag.recording import (
-    TYPES,
+    KNOWN_TYPES,
     Recording,
     from_messages,
     require_layouts,
@@ -27,7 +27,15 @@ from cassie_bags.bag.rows import FloatArray, IntArray, runs
 from cassie_bags.bag.strays import of_the_run
 from cassie_bags.bag.tables import decode
 from cassie_bags.errors import BagError
-from cassie_msgs.layout import Mode, OperatorCommand, RobotMode, RobotState, Sensors
+from cassie_msgs.layout import (
+    Gait,
+    GaitResult,
+    Mode,
+    OperatorCommand,
+    RobotMode,
+    RobotState,
+    Sensors,
+)
 
 STATUS_TOPIC = "/cassie/supervisor_status"
 DIAGNOSTICS_TOPIC = "/diagnostics"
@@ -112,6 +120,7 @@ class Summary:
         faults: Faults that the supervisor reported; where its status was not recorded, the sensors
             that the estimator rejected.
         has_status: Whether the supervisor's status, which has the reasons of modes, was recorded.
+        made_gaits: Number of answers of gait_optimizer by result; empty if there are none.
         nodes: Times at which nodes restarted, were lost or got other parameters.
         problems: Problems that the nodes reported on /diagnostics, in order.
         metadata: Metadata records by name.
@@ -132,6 +141,7 @@ class Summary:
     modes: Sequence[Interval]
     faults: Sequence[Interval]
     has_status: bool
+    made_gaits: Mapping[str, int]
     nodes: Sequence[Interval]
     problems: Sequence[str]
     metadata: Mapping[str, Mapping[str, str]]
@@ -165,11 +175,11 @@ def summarize(bag: Path | str) -> Summary:
     wall = (walls[-1] - walls[0]) * 1e-9 if walls else 0.0
     require_layouts(messages, index)
     recording = from_messages(
-        {topic: list_ for topic, list_ in messages.items() if topic in TYPES},
+        {topic: list_ for topic, list_ in messages.items() if topic in KNOWN_TYPES},
         run_time(times.get(Sensors.TOPIC, []), walls),
         index.metadata,
     )
-    flags = of_the_run(recording.lane, recording.stamped)
+    flags = of_the_run({**recording.lane, **recording.gaits}, recording.stamped)
     recording = recording.without_strays(flags)
     of_run = {
         topic: list(compress(times.get(topic, []), own.tolist())) for topic, own in flags.items()
@@ -199,6 +209,7 @@ def summarize(bag: Path | str) -> Summary:
             or _rejected(recording, of_run[RobotState.TOPIC])
         ),
         has_status=bool(status),
+        made_gaits=_made_gaits(recording),
         nodes=_node_events(_of_kind(EVENTS_TOPIC, messages, index), times.get(EVENTS_TOPIC, [])),
         problems=_problems(_decoded(DIAGNOSTICS_TOPIC, messages, times, index)),
         metadata=index.metadata,
@@ -331,6 +342,12 @@ def _rejected(recording: Recording, times: list[int]) -> Iterator[tuple[int, Col
 
 def _channels(mask: Any) -> list[str]:
     return [name for bit, name in enumerate(SENSOR_CHANNELS) if int(mask) >> bit & 1]
+
+
+def _made_gaits(recording: Recording) -> dict[str, int]:
+    results = first_occurrences(recording.rows(Gait))["result"]
+    counts = {each.name.lower().replace("_", " "): (results == each).sum() for each in GaitResult}
+    return {name: int(count) for name, count in counts.items() if count}
 
 
 def _node_events(raw: Sequence[bytes], times: Sequence[int]) -> list[Interval]:

@@ -10,6 +10,9 @@ from cassie_bags.bag.summary import Summary
 from cassie_bags.errors import BagError
 from cassie_bags.report.plain import aligned
 
+MACHINERY = frozenset(["/diagnostics", "/parameter_events", "/rosout"])
+"""Topics that do not tell runs apart: what they hold depends on when the recorder started."""
+
 
 def comparison_text(
     summaries: tuple[Summary, Summary],
@@ -56,9 +59,9 @@ def comparison_text(
 
 
 def in_one_bag(summaries: tuple[Summary, Summary]) -> list[str]:
-    """Topics that only one bag holds, also outside of the control lane."""
+    """Topics that only one bag holds, also outside of the control lane, but of `MACHINERY`."""
     a, b = ({topic.topic for topic in s.topics if topic.count} for s in summaries)
-    return sorted(a ^ b)
+    return sorted((a ^ b) - MACHINERY)
 
 
 def _other_topics(summaries: tuple[Summary, Summary], known: set[str]) -> list[str]:

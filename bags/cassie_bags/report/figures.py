@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,13 +13,14 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from cassie_bags.bag.fields import OUTPUTS
 from cassie_bags.bag.rows import BoolArray, FloatArray, stamps
 from cassie_bags.bag.summary import Interval
 from cassie_bags.report.view import View
 from cassie_bags.signals.events import Event
-from cassie_bags.signals.footsteps import placements
+from cassie_bags.signals.footsteps import Placement, placements
 from cassie_bags.signals.track import AVERAGED_OVER, Track
 from cassie_bags.signals.window import estimation_error
 from cassie_gaits.drive_limits import TORQUE_LIMITS
@@ -50,6 +52,8 @@ _MAX_NAME = 22  # characters
 _FAINT: dict[str, Any] = {"alpha": 0.3, "linewidth": 0.5}
 _BINS = 25  # bins of the phase
 _AFTER_PUSH = 0.5  # s after a push that count as pushed in outputs and phase portrait
+_NARROW = 10.0  # ratio of length to width of a walk above which it is drawn in rows
+_ROW_LENGTH, _MOST_ROWS = 15.0, 8  # m of a row, and number of rows of footsteps
 _MEAN = 0.2  # s, width of the moving mean of the estimator's velocity error
 
 STYLE: dict[str, Any] = {
@@ -323,7 +327,7 @@ def estimate(view: View) -> Figure | None:
 
 
 def footsteps(view: View) -> Figure:
-    """Top view of the foot placements with the path of the pelvis."""
+    """Top view of the foot placements with the path of the pelvis, a long walk in several rows."""
     track = view.track
     places = np.concatenate([track.position[:, :2], *track.legs[:, :, -1, :2].swapaxes(0, 1)])
     places = places[np.isfinite(places).all(axis=1)]  # the feet are unknown while the drives damp
@@ -331,13 +335,45 @@ def footsteps(view: View) -> Figure:
     # A straight walk is a long strip: leave room to read it.
     low[1], high[1] = min(low[1], -0.9), max(high[1], 0.9)
     span = high - low
-    height = float(np.clip(8.2 * span[1] / span[0] + 1.0, 2.4, 5.4))
+    count = 1
+    if span[0] > _NARROW * span[1]:
+        count = min(_MOST_ROWS, math.ceil(span[0] / _ROW_LENGTH))
+    length = span[0] / count
+    if count == 1:
+        height = float(np.clip(8.2 * span[1] / length + 1.0, 2.4, 5.4))
+    else:
+        height = count * (8.2 * span[1] / length + 0.35) + 0.8
     figure = _figure(view, "Footsteps from above", 9.0, height)
-    axes = figure.subplots()
+    rows = list(figure.subplots(count, 1, squeeze=False)[:, 0])
+    stood = placements(track)
+    for index, axes in enumerate(rows):
+        begin = low[0] + index * length
+        _draw_footsteps(axes, view, [one for one in stood if _lies(one, begin, begin + length)])
+        axes.set_aspect("equal", adjustable="box")
+        axes.set(ylabel="y (m)", xlim=(begin, begin + length), ylim=(low[1], high[1]))
+        axes.yaxis.set_major_locator(MaxNLocator(4))
+    rows[-1].set_xlabel("x (m)")
+    known = [pair for axes in rows for pair in zip(*axes.get_legend_handles_labels(), strict=True)]
+    legend = {label: handle for handle, label in known}
+    figure.legend(
+        list(legend.values()), list(legend), loc="outside lower center", ncols=len(legend)
+    )
+    return figure
+
+
+def _lies(placement: Placement, begin: float, end: float) -> bool:
+    """Whether a part of a sole is between two distances ahead (m)."""
+    ends = sorted((float(placement.heel[0]), float(placement.tip[0])))
+    return ends[0] < end and ends[1] > begin
+
+
+def _draw_footsteps(axes: Any, view: View, stood: Sequence[Placement]) -> None:
+    """Draw the pelvis's path, some placements, the start and the events."""
+    track = view.track
     axes.plot(*track.position[:, :2].T, color=DARK, linewidth=0.8, label="pelvis")
     for leg, (colour, name) in enumerate(((BLUE, "left foot"), (ORANGE, "right foot"))):
         label: str | None = name
-        for placement in placements(track):
+        for placement in stood:
             if placement.leg == leg:
                 ends = np.stack([placement.heel, placement.tip])
                 axes.plot(
@@ -350,11 +386,6 @@ def footsteps(view: View) -> Figure:
         times = [event.t0 for event in view.events if event.kind == kind]
         index = np.searchsorted(track.time, times).clip(0, len(track.time) - 1)
         axes.plot(*track.position[index, :2].T, "x", color=EVENT_COLOURS[kind], label=kind)
-    axes.set_aspect("equal", adjustable="box")
-    axes.set(xlabel="x (m)", ylabel="y (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    return figure
 
 
 DRAWERS: dict[str, Callable[[View], Figure | None]] = {

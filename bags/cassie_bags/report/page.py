@@ -44,7 +44,7 @@ _TRACKED = (
 _EMPTY: dict[str, Any] = {
     **dict.fromkeys(("seed", "passed", "fell", "fall_time", "duration")),
     **dict.fromkeys(("bag", "about"), ""),
-    **dict.fromkeys(("failures", "phases", "checks", "modes", "events", "notes"), ()),
+    **dict.fromkeys(("failures", "phases", "cuts", "checks", "modes", "events", "notes"), ()),
     **dict.fromkeys(("metrics", "draw", "versions", "files"), MappingProxyType({})),
 }
 """Content of the template where an entry has none."""

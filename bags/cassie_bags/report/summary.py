@@ -11,7 +11,7 @@ from cassie_bags.report.plain import WIDTH, aligned, finite
 
 _AS_IN_SUMMARY = (
     *("lost_bytes", "duration", "wall_time", "topics", "gaps", "strays"),
-    *("episodes", "modes", "faults", "nodes", "problems"),
+    *("episodes", "modes", "faults", "made_gaits", "nodes", "problems"),
 )
 
 
@@ -54,6 +54,9 @@ def _lines(summary: Summary, falls: Mapping[int, float] | None) -> Iterator[str]
         words = f"(reasons by commands and sensors alone: {STATUS_TOPIC} was not recorded)"
         yield from _section("", [words])
     yield from _section("faults", [f"{f.name}: {_span(f)}" for f in summary.faults])
+    if gaits := summary.made_gaits:
+        listed = ", ".join(f"{count} {result}" for result, count in gaits.items())
+        yield from _section("made gaits", [f"{sum(gaits.values())} answers: {listed}"])
     yield from _section("nodes", [f"{n.t0:.2f} s  {n.name}" for n in summary.nodes])
     yield from _section("diagnostics", summary.problems)
     if falls is not None:

@@ -53,6 +53,7 @@ def outcome_content(outcome: RunResult) -> dict[str, Any]:
         "peak_torque": metrics.peak_torque,
         "metrics": {name: metrics.run[name] for name in RUN_METRICS},
         "phases": [phase_content(phase) for phase in metrics.phases],
+        "cuts": [{**vars(cut), "text": str(cut)} for cut in outcome.cuts],
         "seed": experiment.seed,
         "draw": as_mapping(experiment.scenario.draw),
         "event_times": {
@@ -74,6 +75,7 @@ def table(outcome: RunResult) -> str:
     lines = [
         f"{outcome.experiment.name}, seed {outcome.experiment.seed}, {outcome.how}",
         *aligned(rows, left=2, heading=2),
+        *(line for cut in outcome.cuts for line in textwrap.wrap(str(cut), WIDTH)),
         "",
         *textwrap.wrap(_drawn(outcome.experiment), WIDTH),
         f"real-time factor {metrics.run['real_time_factor']:.2f}, "

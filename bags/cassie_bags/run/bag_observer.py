@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from cassie_bags.bag.recording import TYPES
+from cassie_bags.bag.recording import GAIT_TOPICS, KNOWN_TYPES
 from cassie_bags.bag.rosbag2 import QOS_DEFAULT, QOS_LANE, Qos
 from cassie_bags.bag.writer import BagWriter
-from cassie_bags.run.cores import simulator_config
+from cassie_bags.run.cores import makes_gaits, simulator_config
 from cassie_bags.run.provenance import metadata_of
 from cassie_bags.run.simulate import Observer
 from cassie_control.frame_messages import FrameMessages, fixed_frames
@@ -31,8 +31,8 @@ def bag_observer(
     Args:
         path: The bag.
         experiment: Experiment that is run, drawn; it is written into the bag.
-        topics: Topics that are written. None: those of `TYPES`, and what ROS tools need to show the
-            robot: /robot_description, /tf and /tf_static.
+        topics: Topics that are written. None: those of a `Recording`, and what ROS tools need to
+            show the robot: /robot_description, /tf and /tf_static.
 
     Raises:
         BagError: if the bag cannot be written.
@@ -42,8 +42,9 @@ def bag_observer(
             bag.add_metadata(name, content)
         channels = {
             topic: bag.add_topic(topic, kind, QOS_LANE)
-            for topic, kind in TYPES.items()
-            if topics is None or topic in topics
+            for topic, kind in KNOWN_TYPES.items()
+            if topic in (KNOWN_TYPES if topics is None else topics)
+            and (topic not in GAIT_TOPICS or makes_gaits(experiment))
         }
         robot = _ShownRobot(bag, experiment) if topics is None else None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +19,7 @@ from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import default_library_path, load_certified
 from cassie_gaits.gait_library_file import library_path as packaged_or_path
 from cassie_msgs.experiment.file import Experiment
+from cassie_msgs.layout import Sample
 from cassie_msgs.tunables import ParameterError, from_mapping
 from cassie_sim.plant import Plant
 from cassie_sim.scenes import scene_spec
@@ -142,18 +143,28 @@ def make_cores(experiment: Experiment) -> Cores:
     config = simulator_config(experiment)
     period = 1.0 / config.control_rate
     parameters = experiment.parameters
-    make_controller: type[GaitController] = GaitController
+    arguments = (
+        _controller_config(experiment),
+        load_gaits(experiment),
+        period,
+        load_learned(experiment),
+    )
+    controller: GaitController
+    gait_messages: Callable[[], Sequence[Sample]] | None = None
     if makes_gaits(experiment):
         from cassie_bags.run.optimized import OptimizedGaitController
 
-        make_controller = OptimizedGaitController
-    gaits, learned = load_gaits(experiment), load_learned(experiment)
+        controller = optimized = OptimizedGaitController(*arguments)
+        gait_messages = optimized.take_messages
+    else:
+        controller = GaitController(*arguments)
     return Cores(
         Plant(config, experiment.scenario),
         make_monitored(_config(EstimatorConfig, parameters["estimator"], "estimator"), period),
-        make_controller(_controller_config(experiment), gaits, period, learned),
+        controller,
         ModeSupervisor(_config(SupervisorConfig, parameters["supervisor"], "supervisor"), period),
         ScriptedOperator(experiment.operator, experiment.rider),
+        gait_messages,
     )
 
 
@@ -161,7 +172,7 @@ def check_one_process(experiment: Experiment) -> None:
     """Check that an experiment can run in one process.
 
     Raises:
-        ExperimentError: if it needs a wall clock or another node.
+        ExperimentError: if it needs a wall clock, or a video or window of the simulator.
     """
     config = simulator_config(experiment)
     if config.pacing == "realtime":
@@ -172,10 +183,6 @@ def check_one_process(experiment: Experiment) -> None:
         name = "video" if config.video else "headless"
         raise ExperimentError(
             f"simulator.{name} = {getattr(config, name)} needs the node: not in one process"
-        )
-    if makes_gaits(experiment):
-        raise ExperimentError(
-            "controller.gait_source = optimizer needs gait_optimizer: not in one process"
         )
 
 

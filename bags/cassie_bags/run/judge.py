@@ -8,6 +8,7 @@ from typing import Any
 
 from cassie_bags.bag.continuity import episodes, gaps
 from cassie_bags.bag.recording import Recording
+from cassie_bags.run.cuts import Cut, cuts_of
 from cassie_bags.signals.metrics import Metrics, measure
 from cassie_bags.signals.track import make_track
 from cassie_msgs.experiment.expectation import Bound, Expectation, Phase
@@ -29,6 +30,7 @@ class RunResult:
         how: "dds" or "in-process".
         lockstep_broken: Whether the simulator gave up lock-step.
         files: Files that the run wrote, by name.
+        cuts: Commands that the supervisor cut.
     """
 
     experiment: Experiment
@@ -37,6 +39,7 @@ class RunResult:
     how: str
     lockstep_broken: bool = False
     files: Mapping[str, str] = field(default_factory=dict)
+    cuts: Sequence[Cut] = ()
 
     @property
     def passed(self) -> bool:
@@ -90,7 +93,8 @@ def evaluate(
         BagError: if the recording has nothing to evaluate.
     """
     track = make_track(recording)
-    metrics = measure(recording, track, phases_of(experiment), experiment.rider)
+    phases = phases_of(experiment)
+    metrics = measure(recording, track, phases, experiment.rider)
     failures = [check.problem for check in checks(experiment.expect, metrics) if check.problem]
     if not experiment.expect.lockstep_broken:
         if lockstep_broken:
@@ -98,7 +102,8 @@ def evaluate(
         failures += [f"lost: {gap}" for gap in gaps(recording)]
         if len(episodes(recording)) > 1:
             failures.append(f"the simulator restarted: {len(episodes(recording))} episodes")
-    return RunResult(experiment, metrics, failures, how, lockstep_broken)
+    cuts = cuts_of(experiment, recording, phases)
+    return RunResult(experiment, metrics, failures, how, lockstep_broken, cuts=cuts)
 
 
 @dataclass(frozen=True)

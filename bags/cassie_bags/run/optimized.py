@@ -9,7 +9,7 @@ from cassie_gaits.gait_library import GaitLibrary
 from cassie_gaits.gait_library_file import library_path, load_certified
 from cassie_gaits.gait_message import conditions_of, gait_message
 from cassie_gaits.optimize.single import GaitMaker
-from cassie_msgs.layout import Gait, Mode, MotorCommand, RobotState
+from cassie_msgs.layout import Gait, Mode, MotorCommand, RobotState, Sample
 
 STARTS_FROM = "dense"
 """Library from whose gaits the optimizer starts; the default of its node."""
@@ -31,11 +31,13 @@ class OptimizedGaitController(GaitController):
     ) -> None:
         self._maker = GaitMaker(load_certified(library_path(STARTS_FROM)))
         self._answer: Gait | None = None
+        self._messages: list[Sample] = []
         super().__init__(config, library, period, learned)
 
     def reset(self) -> None:
         """Start afresh."""
         self._answer = None
+        self._messages = []
         super().reset()
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
@@ -48,4 +50,10 @@ class OptimizedGaitController(GaitController):
         request = self.request()
         if request is not None:
             self._answer = gait_message(request, self._maker.make(conditions_of(request)))
+            self._messages = [request, self._answer]
         return command
+
+    def take_messages(self) -> list[Sample]:
+        """The request of the last step and its answer; none if it made no request."""
+        messages, self._messages = self._messages, []
+        return messages

@@ -7,10 +7,10 @@ is the same to the last bit.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from cassie_bags.bag.recording import TYPES, Recording, from_messages
+from cassie_bags.bag.recording import KNOWN_TYPES, Recording, from_messages
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.faults import MonitoredEstimator
 from cassie_control.guarded import GuardedController, GuardedEstimator, GuardedSupervisor
@@ -29,13 +29,18 @@ Observer = Callable[[str, bytes, int], None]
 
 @dataclass(frozen=True)
 class Cores:
-    """The computing parts of an experiment at tick 0, without middleware between them."""
+    """The computing parts of an experiment at tick 0, without middleware between them.
+
+    `gait_messages` gives the request for a gait and its answer after each tick with a request; None
+    unless gaits are made while the robot walks.
+    """
 
     plant: Plant
     estimator: MonitoredEstimator
     controller: GaitController
     supervisor: ModeSupervisor
     operator: ScriptedOperator
+    gait_messages: Callable[[], Sequence[Sample]] | None = None
 
 
 class ControlLoop:
@@ -49,6 +54,7 @@ class ControlLoop:
 
     def __init__(self, cores: Cores, observer: Observer) -> None:
         self._plant, self._operator, self._observer = cores.plant, cores.operator, observer
+        self._gait_messages = cores.gait_messages
         self._estimator = GuardedEstimator(cores.estimator)
         self._controller = GuardedController(cores.controller)
         self._supervisor = GuardedSupervisor(cores.supervisor)
@@ -78,6 +84,9 @@ class ControlLoop:
             self._answer(state, stamp)
         command = self._controller.step(state, self._mode)
         self._observe(command, stamp)
+        if self._gait_messages is not None:
+            for message in self._gait_messages():
+                self._observe(message, stamp)
         if seq % STATUS_TICKS == 0:
             self._observe(self._controller.status(state), stamp)
         self._note("gait_controller", self._controller.problem, stamp)
@@ -122,7 +131,7 @@ class Store:
     """An observer that keeps every message."""
 
     def __init__(self) -> None:
-        self.messages: dict[str, list[bytes]] = {topic: [] for topic in TYPES}
+        self.messages: dict[str, list[bytes]] = {topic: [] for topic in KNOWN_TYPES}
 
     def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
         self.messages[topic].append(raw)
@@ -148,7 +157,7 @@ class RecentStore(Store):
     def __call__(self, topic: str, raw: bytes, stamp: int) -> None:
         if stamp >= self._until:
             self._before, self._until = self.messages, stamp + self._span
-            self.messages = {topic: [] for topic in TYPES}
+            self.messages = {topic: [] for topic in KNOWN_TYPES}
         super().__call__(topic, raw, stamp)
 
     def recording(self, wall_time: float) -> Recording:

@@ -343,6 +343,8 @@ class _Controller(_Core[GuardedController]):
     def answer(self, key: Key, received: int) -> Sample:
         self._state.load(self._lane.state(key, received))
         mode = self._mode_at(*key)
+        if not self._lane.has_events and key in self._lane.gaits:
+            self._offered = key  # in one process each gait is offered at its tick, without an event
         if self._offered is not None:
             self._gait.load(needed(self._lane.gaits, self._offered, "gait"))
             self._core.offer(self._gait)

@@ -55,8 +55,13 @@ ABOUT = About(
     package="cassie_control",
     text="The nodes state_estimator and gait_controller in one process: saves a hop and two "
     "wake-ups per control tick. Parameters of one node: -p NODE:NAME:=VALUE.",
-    reads=("/cassie/sensors", "/cassie/mode"),
-    writes=[topic for about in _NODES for topic in about.writes if topic != "/diagnostics"],
+    reads=[
+        topic
+        for about in _NODES
+        for topic in dict.fromkeys(about.reads)
+        if topic != RobotState.TOPIC
+    ],
+    writes=list(dict.fromkeys(topic for about in _NODES for topic in about.writes)),
     parameters=tuple(dict.fromkeys(config for about in _NODES for config in about.parameters)),
 )
 

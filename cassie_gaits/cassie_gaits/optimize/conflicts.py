@@ -65,7 +65,7 @@ class Conflict:
     def __str__(self) -> str:
         if not self.missed:
             tightest = ", ".join(self.against) or "none"
-            return f"no row is missed at the best point found; what binds it most: {tightest}"
+            return f"the optimizer's own constraints can be met; what binds most: {tightest}"
         text = f"missed at the best point found: {', '.join(self.missed)}"
         return f"{text}; in conflict with: {', '.join(self.against) or 'the laws of motion'}"
 

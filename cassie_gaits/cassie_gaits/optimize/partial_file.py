@@ -59,7 +59,11 @@ class PartialFile:
             return {}
         lines = self._text().split("\n")
         documents = [_parsed(line, i, self.path) for i, line in enumerate(lines[:-1])]
-        if not documents or documents[0].get("model_hash") != model_hash():
+        if not documents or "model_hash" not in documents[0]:
+            raise GaitLibraryError(
+                f"{self.path}: line 1 is damaged; begin without --resume, or delete the file"
+            )
+        if documents[0]["model_hash"] != model_hash():
             raise GaitLibraryError(f"{self.path} is for another model of the robot")
         by_request = {_key(document.get("request")): document for document in documents[1:]}
         found: Found = {}

@@ -24,6 +24,14 @@ RANGES = {
 }
 """Lowest and highest value of each number of a request."""
 
+UNITS = {
+    **dict.fromkeys(("vx", "vy", "landing_speed"), "m/s"),
+    **dict.fromkeys(("clearance", "feet_apart", "pelvis_distance", "detour"), "m"),
+    **dict.fromkeys(("slope", "torso_pitch", "torso_roll", "hip_yaw"), "rad"),
+    **{"yaw_rate": "rad/s", "step_time": "s", "payload": "kg"},
+}
+"""Unit of each number of a request."""
+
 TABLE_ONLY = {
     "landing_speed": 1.0,
     "feet_apart": 0.2,
@@ -90,9 +98,11 @@ class Request:
 
     def __post_init__(self) -> None:
         for name, (low, high) in RANGES.items():
-            value = getattr(self, name)
+            value, unit = getattr(self, name), UNITS[name]
             if not low <= value <= high:
-                raise GaitLibraryError(f"{name} is {value}, expected {low} .. {high}")
+                raise GaitLibraryError(
+                    f"{name} is {value:g} {unit}, expected {low:g} .. {high:g} {unit}"
+                )
         if self.symmetric and (self.vy != 0.0 or self.yaw_rate != 0.0):
             raise GaitLibraryError("a symmetric gait neither goes sideways nor turns")
 

@@ -10,15 +10,16 @@ from rclpy.node import Node
 
 from cassie_gaits.gait_library_file import library_path, load_certified
 from cassie_gaits.gait_message import conditions_of, gait_message
-from cassie_gaits.optimize.single import Answer, Conditions, GaitMaker
+from cassie_gaits.optimize.single import Answer, Conditions, GaitMaker, Result
 from cassie_msgs.layout import Gait, GaitRequest
+from cassie_msgs.processes import end_within
 from cassie_msgs.ros.about import About
 from cassie_msgs.ros.claim import Claim, ClaimConfig
 from cassie_msgs.ros.diagnostics import OK, WARN, Diagnostics
 from cassie_msgs.ros.fast_lane import EVERY, LanePublisher, LaneSubscription, LaneWaiter
 from cassie_msgs.ros.one_writer import OneWriter, WriterWatch
 from cassie_msgs.ros.parameters import declare, on_change
-from cassie_msgs.ros.process import Stop, run
+from cassie_msgs.ros.process import LEAVE_TIMEOUT, Stop, run
 from cassie_msgs.srv import SolveGait
 from cassie_msgs.tunables import ParameterError, tunable
 
@@ -80,7 +81,9 @@ class GaitOptimizerNode(Node):
         self._gaits = LanePublisher(self, Gait)
         WriterWatch(self, [guard], [self._gaits.publisher], self._tell)
         self._waiter = LaneWaiter(self, [self._requests])
+        self._prepared = False
         stop.on_request(self._waiter.wake)
+        stop.on_request(self._leave)
         self._request = GaitRequest()
         self.create_service(SolveGait, "/cassie/solve_gait", self._on_solve)
 
@@ -88,12 +91,20 @@ class GaitOptimizerNode(Node):
         """Answer requests until stopped."""
         with self._working:
             self._maker.prepare()
+        if self._stop.requested:
+            return
+        self._prepared = True
         self._diagnostics.set("node", OK, "ready")
         self.get_logger().info("ready")
         while not self._stop.requested:
             for raw in self._requests.take_last(1):
                 self._answer(raw)
             self._waiter.wait(_LOOK_PERIOD)
+
+    def _leave(self) -> None:
+        """End the process in time although the programs are still being set up, for seconds."""
+        if not self._prepared:
+            end_within(LEAVE_TIMEOUT, self._stop.exit_code)
 
     def _answer(self, raw: bytes) -> None:
         request = self._request
@@ -118,12 +129,12 @@ class GaitOptimizerNode(Node):
         if given.slope != ESTIMATED:
             asked = replace(asked, slope=given.slope)
         with self._working:
-            return self._maker.make(asked)
+            return _readable(self._maker.make(asked))
 
     def _on_solve(self, request: Any, response: Any) -> Any:
         numbers = (getattr(request, name) for name in ("vx", "vy", "yaw_rate", "payload", "slope"))
         with self._working:
-            answer = self._maker.make(Conditions(*numbers))
+            answer = _readable(self._maker.make(Conditions(*numbers)))
         response.success, response.message = answer.gait is not None, answer.reason
         response.solve_time, response.certify_time = answer.solve_time, answer.certify_time
         if answer.gait is not None:
@@ -138,6 +149,13 @@ class GaitOptimizerNode(Node):
 
     def _tell(self, subject: str, problem: str) -> None:
         self._diagnostics.set(subject, WARN if problem else OK, problem or "ok")
+
+
+def _readable(answer: Answer) -> Answer:
+    """The answer with a reason without the solver's own word for its end."""
+    if answer.result is not Result.NOT_FOUND:
+        return answer
+    return replace(answer, reason="no gait found: the solver ended without one")
 
 
 ABOUT = About(

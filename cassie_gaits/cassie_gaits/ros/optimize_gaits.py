@@ -100,6 +100,8 @@ def _run(options: argparse.Namespace) -> int:
         raise GaitLibraryError(f"--out: there is no folder {options.out.parent}")
     if options.out.is_dir():
         raise GaitLibraryError(f"--out: {options.out} is a folder, expected a file")
+    if not options.out.name.endswith((".json", ".json.gz")):
+        raise GaitLibraryError(f"--out: {options.out} ends neither in .json nor in .json.gz")
     if options.mat is not None:
         _refuse_beside_import(options)
         from cassie_gaits.mat_import import import_mat  # scipy's readers take long to load
@@ -117,12 +119,13 @@ def _run(options: argparse.Namespace) -> int:
     found = partial.read(requests) if options.resume else {}
     if found:
         print(f"{len(found)} of {len(requests)} taken over from {partial.path}", flush=True)
-    partial.begin(found)
+    known = set(found)
     _search(requests, options, found, partial)
     gaits = [result for request in requests if isinstance(result := found[request], Gait)]
     reasons = {r: result for r in requests if isinstance(result := found[r], str)}
-    for request, reason in reasons.items() if len(requests) > len(SPEEDS) else ():
-        print(f"no gait for {request.name}: {reason}")
+    for request, reason in reasons.items():
+        if request in known:
+            print(f"no gait for {request.name}: {reason}")
     if len(reasons) > options.holes * len(requests):
         print(f"{len(reasons)} of {len(requests)} gaits failed; {options.out} is left as it was")
         return 1
@@ -195,8 +198,9 @@ def _search(
     missing = len(requests) - before
     forms = {request.symmetric for request in requests}
     with _executor(options, forms, missing) as executor:
+        partial.begin(found)
         for result in find(requests, executor, done):
-            content = result.reason if result.gait is None else result.gait
+            content = _reason(result) if result.gait is None else result.gait
             found[result.request] = content
             partial.add(result.request, content)
             left = (time.monotonic() - start) / (len(found) - before) * (len(requests) - len(found))
@@ -258,10 +262,19 @@ def _cluster(address: str, forms: set[bool]) -> Iterator[Executor]:
             raise GaitLibraryError(f"--scheduler {address}: {error}") from None
 
 
+def _reason(result: Result) -> str:
+    """Why there is no gait, without the solver's own word for its end."""
+    outcome = result.outcome
+    if outcome is None or not result.reason.startswith(outcome.status):
+        return result.reason
+    ended = f"no gait found in {outcome.iterations} iterations"
+    return ended + result.reason.removeprefix(outcome.status)
+
+
 def _line(result: Result) -> str:
     outcome = result.outcome
     if result.gait is None or outcome is None:
-        return f"{result.request.name}: failed: {result.reason}"
+        return f"{result.request.name}: failed: {_reason(result)}"
     return (
         f"{result.request.name}: {outcome.iterations:3d} iterations, cost {outcome.cost:.1f}, "
         f"worst violation {outcome.violation:.1e}, {outcome.seconds:.2f} s CPU, certified"

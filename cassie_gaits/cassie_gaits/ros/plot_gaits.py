@@ -49,10 +49,12 @@ def _draw(gaits: Sequence[Gait], folder: Path) -> None:
     pictures.draw_outputs(straight, folder / "outputs.png")
     motions = []
     for i, gait in enumerate(straight):
-        print(f"\r{i + 1} of {len(straight)} gaits", end="", file=sys.stderr, flush=True)
+        if sys.stderr.isatty():
+            print(f"\r{i + 1} of {len(straight)} gaits", end="", file=sys.stderr, flush=True)
         if gait.torques is not None and gait.passive is not None:
             motions.append(_motion(gait))
-    print(file=sys.stderr)
+    if sys.stderr.isatty():
+        print(file=sys.stderr)
     if motions:
         picked = np.unique(np.linspace(0, len(motions) - 1, MOST_STRIPS).round().astype(int))
         pictures.draw_strips([motions[i] for i in picked], folder / "strips.png")

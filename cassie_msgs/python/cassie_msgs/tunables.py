@@ -274,17 +274,17 @@ def _check_number(name: str, value: Any, kind: type, spec: Tunable) -> None:
         raise ParameterError(f"{name} = {given} is outside {spec.range_text}{reason}")
 
 
-def _replace(instance: Any, changes: Mapping[str, Any]) -> Any:
+def _replace(instance: Any, changes: Mapping[str, Any], prefix: str = "") -> Any:
+    """A copy with changes by dotted name; each is checked before a class compares its fields."""
     own: dict[str, Any] = {}
     cls: Any = type(instance)
     for field, hint in fields_of(cls):
+        name = prefix + field.name
         if dataclasses.is_dataclass(hint):
-            prefix = f"{field.name}."
-            inner = {k[len(prefix) :]: v for k, v in changes.items() if k.startswith(prefix)}
-            if inner:
-                own[field.name] = _replace(getattr(instance, field.name), inner)
-        elif field.name in changes:
-            own[field.name] = _converted(hint, changes[field.name])
+            if any(key.startswith(f"{name}.") for key in changes):
+                own[field.name] = _replace(getattr(instance, field.name), changes, f"{name}.")
+        elif name in changes:
+            own[field.name] = _fitting(field, hint, name, changes[name])
     return dataclasses.replace(instance, **own)
 
 
@@ -295,7 +295,7 @@ def _build(cls: Any, flat: Mapping[str, Any], prefix: str) -> Any:
         if dataclasses.is_dataclass(hint):
             values[field.name] = _build_nested(field, hint, flat, f"{name}.")
         elif name in flat:
-            values[field.name] = _converted(hint, flat[name])
+            values[field.name] = _fitting(field, hint, name, flat[name])
         elif _is_required(field):
             spec = field.metadata.get(_KEY)
             text = f" ({spec.range_text}): {spec.description}" if spec else ""
@@ -307,8 +307,12 @@ def _build_nested(field: Any, hint: Any, flat: Mapping[str, Any], prefix: str) -
     if _is_required(field):
         return _build(hint, flat, prefix)
     default = field.default if field.default is not dataclasses.MISSING else field.default_factory()
-    changes = {k[len(prefix) :]: v for k, v in flat.items() if k.startswith(prefix)}
-    return _replace(default, changes)
+    return _replace(default, flat, prefix)
+
+
+def _fitting(field: Any, hint: Any, name: str, value: Any) -> Any:
+    """A value in the type of its field, within its range."""
+    return check_value(name, hint, value, field.metadata.get(_KEY))
 
 
 def _is_required(field: Any) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from cassie_bags.report.figures import BLUE, DARK, GREY, ORANGE, STYLE
+from cassie_bags.studies.sweep.results_file import MEASURED
 from cassie_bags.studies.sweep.row import Level, RowResult
 from cassie_bags.studies.sweep.table import StoredRow
 
@@ -26,7 +28,10 @@ _SHADE = "#ececec"
 _SMALL = 7.5  # size of small text
 _WIDTH = 12.5  # width of the figure, in inches
 _POLAR_HEIGHT, _LOWER_HEIGHT, _EDGE_HEIGHT = 3.1, 4.4, 0.32
+_LINE_HEIGHT = 0.15  # inches, of a line of a legend below a polar plot
 _BAR_HEIGHT, _AXES_HEIGHT = 0.165, 0.65  # inches: of a bar with text; of axes around bars
+
+_SHIPPED = "shipped law"
 
 _DIRECTIONS = {
     **{"fore": 0.0, "left": 90.0, "aft": 180.0, "right": -90.0},
@@ -43,7 +48,7 @@ _SHORT, _OTHER = "0.1 s", "0.05 to 0.4 s"
 _AROUND = {
     "Pushes, in place (Ns)": {"push_in_place": _SHORT, "push_circle_in_place": _OTHER},
     "Pushes, 0.5 m/s (Ns)": {"push_walking": _SHORT, "push_circle_slow": _OTHER},
-    "Pushes, 1 m/s (Ns)": {"push_circle_fast": ""},
+    "Pushes, 1 m/s (Ns)": {"push_circle_fast": _OTHER},
     "Pushes, standing (Ns)": {"stand_recovery": "with steps", "stand_push": "without a step"},
     "Ground that rises, standing (deg)": {"stand_slope": "slope", "stand_tilting": "tilts"},
 }
@@ -89,12 +94,25 @@ _GROUNDS = {
         "grass.0.8": "all robots",
         "grass.1.2": "9 of 10 robots",
     },
+    "Payload off centre (kg)": {
+        "payload.in_place": "in place",
+        "payload.walking": "at 0.5 m/s",
+        "payload.fast": "at 1 m/s",
+    },
+    "Force to the side for 3 s (N)": {
+        "steady_force.standing": "standing",
+        "steady_force.in_place": "in place",
+        "steady_force.walking": "at 0.8 m/s",
+    },
 }
 """Rows whose limits are drawn as bars, with a label for each, by the title of their axes."""
 
 _MOST_FRICTION = 0.8  # start of the bars of friction: ground on which every robot walks
-_SPEEDS = {"speed": "o", "top_speed": "o", "sideways": "s"}
+_SPEEDS = {"speed": "o", "top_speed": "o", "fastest": "o", "sideways": "s"}
 """Marker of each group of rows whose levels are commanded speeds."""
+
+_REACHED = ("top_speed", "fastest")
+"""Groups of `_SPEEDS` whose targets are speeds; those of the others are tolerances."""
 
 
 def draw(path: Path, rows: Sequence[StoredRow]) -> None:
@@ -129,8 +147,11 @@ def compose(rows: Sequence[StoredRow]) -> Figure | None:
     colours = dict(zip(variants, _COLOURS, strict=False))
     bars = len(colours) * sum(len(shown) + 0.7 for _, shown in grounds)
     lowest = max(_LOWER_HEIGHT, _BAR_HEIGHT * bars + _AXES_HEIGHT * len(grounds))
-    heights = [_EDGE_HEIGHT, *[_POLAR_HEIGHT] * bool(around), *[lowest] * bool(lower)]
-    heights.append(_EDGE_HEIGHT)
+    origins = _origins(rows, colours)
+    lines = max((_legend_lines(_kinds(title, rows), colours) for title in around), default=0)
+    polar = _POLAR_HEIGHT + _LINE_HEIGHT * lines
+    heights = [_EDGE_HEIGHT, *[polar] * bool(around), *[lowest] * bool(lower)]
+    heights.append(_EDGE_HEIGHT + _LINE_HEIGHT * (len(origins) - 1))
     figure = Figure(figsize=(_WIDTH, sum(heights)), layout="constrained")
     strips = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights).flat
     _legend(next(strips), colours)
@@ -144,7 +165,9 @@ def compose(rows: Sequence[StoredRow]) -> Figure | None:
             _draw_speeds(next(parts), speeds, colours)
         if grounds:
             _draw_grounds(next(parts), grounds, colours)
-    _origins(next(strips), rows)
+    next(strips).text(
+        0.5, 0.5, "\n".join(origins), ha="center", va="center", fontsize=_SMALL, color="#555555"
+    )
     return figure
 
 
@@ -160,24 +183,46 @@ def _legend(strip: SubFigure, colours: Mapping[str, str]) -> None:
             line(marker="o", linestyle=""),
             line(marker="o", linestyle="", markerfacecolor="white"),
         ],
-        [*entries, "target", "limit", "no limit found: all that was tried held"],
+        [*map(_law, entries), "target", "limit", "no limit found: all that was tried held"],
         loc="center",
         ncols=len(entries) + 3,
         fontsize=9,
     )
 
 
-def _origins(strip: SubFigure, rows: Sequence[StoredRow]) -> None:
-    """Write the origin of the results below the picture."""
-    results = [result for row in rows for result in row.results.values()]
-    found = dict.fromkeys(
-        f"robots {made.seeds}; {made.date}; revision {made.revision}"
-        if (made := result.origin)
-        else "origin not noted"
-        for result in results
-    )
-    text = next(iter(found)) + (f" and {len(found) - 1} more" if len(found) > 1 else "")
-    strip.text(0.5, 0.5, text, ha="center", va="center", fontsize=_SMALL, color="#555555")
+def _law(variant: str) -> str:
+    """Word of the picture for a variant of the results."""
+    if variant.startswith("robots "):
+        return f"{_SHIPPED}, {variant}"
+    return _SHIPPED if variant == MEASURED else variant
+
+
+def _origins(rows: Sequence[StoredRow], variants: Iterable[str]) -> list[str]:
+    """Which robots each law was measured with, when, and at which revision; one line a law."""
+    lines = []
+    for variant in variants:
+        results = [row.results[variant] for row in rows if variant in row.results]
+        made = [result.origin for result in results if result.origin]
+        robots = dict.fromkeys(_robots(origin.seeds, variant) for origin in made)
+        dates = sorted({origin.date for origin in made})
+        revisions = dict.fromkeys(origin.revision for origin in made)
+        words = [
+            f"robot{'' if all(each.isdigit() for each in robots) else 's'} {' or '.join(robots)}",
+            dates[0] if dates[:1] == dates[-1:] else f"{dates[0]} to {dates[-1]}",
+            f"revision {next(iter(revisions))}" if len(revisions) == 1 else
+            f"{len(revisions)} revisions",
+        ] if made else []  # fmt: skip
+        if len(made) < len(results):
+            words.append("origin not noted" if not made else "origin of some not noted")
+        lines.append(f"{_law(variant)}: {'; '.join(words)}")
+    return lines
+
+
+def _robots(seeds: str, variant: str) -> str:
+    """Robots of a variant, from those of an origin such as `1 to 10; paper's law 1 to 3`."""
+    every, _, fewer = seeds.partition("; ")
+    compared = re.fullmatch(r"(.*?) (\d+(?: to \d+)?)", fewer)
+    return compared[2] if compared and variant.startswith(compared[1]) else every
 
 
 def _draw_around(
@@ -192,26 +237,56 @@ def _draw_around(
         axis.grid(color="#dddddd", linewidth=0.6)
         axis.spines["polar"].set_visible(False)
         axis.set_title(title, loc="center", fontsize=9, pad=10)
-        kinds = {
-            word: found
-            for group, word in _AROUND[title].items()
-            if (found := sorted((row for row in rows if row.group == group), key=_angle))
-        }
+        kinds = _kinds(title, rows)
         for shown, style in zip(kinds.values(), _LINES, strict=False):
             _draw_directions(axis, shown, style, colours)
         _set_rings(axis, list(chain.from_iterable(kinds.values())))
-        if len(kinds) > 1:
-            axis.legend(
-                [Line2D([], [], color=DARK, linestyle=style) for style in _LINES], list(kinds),
-                loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=2, fontsize=_SMALL,
-                handlelength=2.2, columnspacing=1.0,
-            )  # fmt: skip
+        without = _without_limit(kinds, colours)
+        entries = [(DARK, style, word) for word, style in zip(kinds, _LINES, strict=False)]
+        entries += without
+        axis.legend(
+            [Line2D([], [], color=colour, linestyle=style) for colour, style, _ in entries],
+            [word for *_, word in entries],
+            loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=1 if without else 2,
+            fontsize=_SMALL, handlelength=2.2, columnspacing=1.0, labelspacing=0.25,
+        )  # fmt: skip
+
+
+def _kinds(title: str, rows: Sequence[StoredRow]) -> dict[str, list[StoredRow]]:
+    """Rows of a polar plot by their direction, by the label of each kind."""
+    return {
+        word: found
+        for group, word in _AROUND[title].items()
+        if (found := sorted((row for row in rows if row.group == group), key=_angle))
+    }
+
+
+def _without_limit(
+    kinds: Mapping[str, Sequence[StoredRow]], colours: Mapping[str, str]
+) -> list[tuple[str, str, str]]:
+    """Colour, line style and words for each law that holds no level in some directions."""
+    found = []
+    for (kind, rows), style in zip(kinds.items(), _LINES, strict=False):
+        for name, colour in colours.items():
+            results = [row.results[name] for row in rows if name in row.results]
+            if none := sum(math.isnan(result.measured) for result in results):
+                where = "" if none == len(results) else f" in {none} of {len(results)} directions"
+                which = f", {kind}" if len(kinds) > 1 else ""
+                found.append((colour, style, f"{_law(name)}{which}: none{where}"))
+    return found
+
+
+def _legend_lines(kinds: Mapping[str, Sequence[StoredRow]], colours: Mapping[str, str]) -> int:
+    """Lines of the legend below a polar plot after the first one."""
+    without = len(_without_limit(kinds, colours))
+    return len(kinds) + without - 1 if without else 0
 
 
 def _set_rings(axis: PolarAxes, rows: Sequence[StoredRow]) -> None:
     """Set a few rings with numbers, up to the largest limit or target."""
-    limits = [_limit(result) for row in rows for result in row.results.values()]
-    most = max(*limits, *(row.target for row in rows))
+    measured = [result.measured for row in rows for result in row.results.values()]
+    limits = [value for value in measured if not math.isnan(value)]
+    most = max([*limits, *(row.target for row in rows)])
     rings = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(0.0, most)
     axis.set_ylim(0.0, 1.08 * most)
     rings = [ring for ring in rings if 0.0 < ring <= 1.08 * most]
@@ -234,9 +309,11 @@ def _draw_directions(
     for index, (name, colour) in enumerate(colours.items()):
         thick = 1.0 if index else 2.0  # so that both are visible where they coincide
         found = [(row, row.results[name]) for row in rows if name in row.results]
-        points = [(_angle(row), _limit(result)) for row, result in found]
+        points = [(_angle(row), result.measured) for row, result in found]
         _ring(axis, points, color=colour, linestyle=style, lw=1.1 * thick)
         for (angle, value), (_, result) in zip(points, found, strict=True):
+            if math.isnan(value):
+                continue
             face = "white" if result.open_ended else colour
             axis.plot(
                 math.radians(angle), value, "o", color=colour, markerfacecolor=face,
@@ -255,16 +332,11 @@ def _ring(axis: PolarAxes, points: Sequence[tuple[float, float]], **looks: objec
     axis.plot(angles, [value for _, value in line], **looks)  # type: ignore[arg-type]
 
 
-def _limit(result: RowResult) -> float:
-    """The figure of a row; 0 if no level held."""
-    return 0.0 if math.isnan(result.measured) else result.measured
-
-
 def _levels(rows: Sequence[StoredRow], variant: str) -> Iterator[tuple[StoredRow, Level]]:
     """Levels of rows with their speeds; those backward are negative."""
     for row in rows:
         result = row.results.get(variant)
-        sign = -1.0 if row.name == "top_speed.backward" else 1.0
+        sign = -1.0 if row.name.endswith(".backward") else 1.0
         for level in result.levels if result else ():
             speeds = [sign * speed for speed in level.achieved or ()]
             yield row, dataclasses.replace(level, level=sign * level.level, achieved=speeds)
@@ -287,7 +359,7 @@ def _draw_speeds(part: SubFigure, rows: Sequence[StoredRow], colours: Mapping[st
     below.set_yticks([-30, -10, -3, -1, 0, 1, 3, 10, 30])
     below.yaxis.set_major_formatter(FuncFormatter(_signed))
     below.minorticks_off()
-    tolerances = [_CM * row.target for row in rows if row.group != "top_speed"]
+    tolerances = [_CM * row.target for row in rows if row.group not in _REACHED]
     if tolerances:
         below.axhspan(-min(tolerances), min(tolerances), color=_SHADE, zorder=0)
     for axis in (above, below):
