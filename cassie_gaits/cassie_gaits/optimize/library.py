@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from typing import Any
 
 from cassie_gaits.certificate.certify import Certificate, certify
 from cassie_gaits.certificate.seal import sealed
+from cassie_gaits.certificate.table import Row
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.optimize.conflicts import Conflict, conflict
@@ -165,13 +167,16 @@ def _checked(work: _Work, executor: Executor, future: Future[Certificate]) -> Re
         return Result(outcome.request, None, outcome, f"not certified: {error}")
     if outcome.gait is not None and certificate.met:
         return Result(outcome.request, sealed(outcome.gait, certificate.as_document()), outcome)
-    missed = ", ".join(
-        f"{row.name} is {row.worst:.4g} {row.unit}, allowed {row.low:.4g} .. {row.high:.4g}"
-        for row in certificate.rows
-        if not row.met
-    )
+    missed = ", ".join(_miss(row) for row in certificate.rows if not row.met)
     _explain(work, executor, outcome, f"not certified: {missed}")
     return None
+
+
+def _miss(row: Row) -> str:
+    bounds = f"{row.low:.4g} .. {row.high:.4g}"
+    if row.low == -math.inf:
+        bounds = f"at most {row.high:.4g}"
+    return f"{row.name} is {row.worst:.4g} {row.unit}, allowed {bounds}"
 
 
 def _explain(work: _Work, executor: Executor, outcome: Outcome, failure: str) -> None:

@@ -114,7 +114,7 @@ class GaitMaker:
         outcome = solve(request, self._nearest(request), patient=False)
         solved = time.process_time()
         if outcome.gait is None:
-            reason = f"the solver ended with {outcome.status} after {outcome.iterations} iterations"
+            reason = f"no gait found in {outcome.iterations} iterations"
             return Answer(Result.NOT_FOUND, conditions, None, reason, solved - started)
         try:
             certificate = certify(outcome.gait)

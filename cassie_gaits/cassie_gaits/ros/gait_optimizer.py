@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from cassie_gaits.gait_library_file import library_path, load_certified
 from cassie_gaits.gait_message import conditions_of, gait_message
-from cassie_gaits.optimize.single import Answer, Conditions, GaitMaker, Result
+from cassie_gaits.optimize.single import Answer, Conditions, GaitMaker
 from cassie_msgs.layout import Gait, GaitRequest
 from cassie_msgs.processes import end_within
 from cassie_msgs.ros.about import About
@@ -129,12 +129,12 @@ class GaitOptimizerNode(Node):
         if given.slope != ESTIMATED:
             asked = replace(asked, slope=given.slope)
         with self._working:
-            return _readable(self._maker.make(asked))
+            return self._maker.make(asked)
 
     def _on_solve(self, request: Any, response: Any) -> Any:
         numbers = (getattr(request, name) for name in ("vx", "vy", "yaw_rate", "payload", "slope"))
         with self._working:
-            answer = _readable(self._maker.make(Conditions(*numbers)))
+            answer = self._maker.make(Conditions(*numbers))
         response.success, response.message = answer.gait is not None, answer.reason
         response.solve_time, response.certify_time = answer.solve_time, answer.certify_time
         if answer.gait is not None:
@@ -149,13 +149,6 @@ class GaitOptimizerNode(Node):
 
     def _tell(self, subject: str, problem: str) -> None:
         self._diagnostics.set(subject, WARN if problem else OK, problem or "ok")
-
-
-def _readable(answer: Answer) -> Answer:
-    """The answer with a reason without the solver's own word for its end."""
-    if answer.result is not Result.NOT_FOUND:
-        return answer
-    return replace(answer, reason="no gait found: the solver ended without one")
 
 
 ABOUT = About(
