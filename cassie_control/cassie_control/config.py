@@ -219,7 +219,10 @@ class SegwayConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class JointGains:
-    """Position and velocity gains of one leg's drives while walking."""
+    """Position and velocity gains of one leg's drives while walking.
+
+    Found by search, see DECISIONS.md, Gains of drives and torso by search.
+    """
 
     kp_hip_roll: float = tunable(527.0, "Nm/rad", 0.0, 2000.0, "Hip roll stiffness")
     kp_hip_yaw: float = tunable(448.0, "Nm/rad", 0.0, 2000.0, "Hip yaw stiffness")

@@ -19,7 +19,7 @@ REPORT_DELAY = DRIVE_DELAY + 1.0 / ENCODER_RATE
 MAX_LATENCY = 0.08
 """Largest latency that is tested. In s."""
 
-_LOW_PASS_TIME = 0.25  # s
+_LOW_PASS_TIME = 0.25  # s, time constant of the residuals of all latencies
 _MIN_RESIDUAL = 0.01  # of the present latency, before another one is taken; 1 is full torque
 _MAX_RESIDUAL_RATIO = 0.3  # of another latency's residual to that of the present one
 _MAX_UNEXPLAINED = 0.1  # ratio of another latency's residual to all squared torques

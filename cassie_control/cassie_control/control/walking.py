@@ -117,6 +117,7 @@ def compute_set_points(
     4. `plan_landing`, or `plan_landing_by_paper`: where and when the swing foot lands.
     5. `adapt_phase_rate`: the phase's rate, so that the step ends then.
     6. `adjust_outputs`: desired outputs with this landing, the turn and a level path of the hip.
+       Rates of 2 are by the phase's rate before 5, those of 6 by the one after.
     7. `track_thighs`: low-passed motion of the legs in space, for the hips' set-points.
     8. `drive_stance`, `drive_swing`: positions, velocities and gains of the drives.
     9. `add_swing_inertia`: adds the torques that accelerate the swing leg.

@@ -43,8 +43,8 @@ SPEEDS = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75, 1.0)
 """Speeds of a new table: those of the paper's library. In m/s."""
 
 _KEYS = {"schema_version", "robot", "model_hash", "provenance", "joints", "speeds", "torques"}
-_MAX_SPEEDS, _MAX_PHASES = 64, 1001
-_DECIMALS = 3
+_MAX_SPEEDS, _MAX_PHASES = 64, 1001  # of a file: bounds of its memory
+_DECIMALS = 3  # of a torque in Nm, in files
 
 
 class LearnedTorquesError(ControlError):

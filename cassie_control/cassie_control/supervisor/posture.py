@@ -10,7 +10,7 @@ from cassie_msgs.layout import RobotState
 
 _CONTACT_FORCE = 50.0  # N, threshold of a foot's force for ground contact
 _HANGING_LOAD = 0.25  # share of the weight on the feet, below which somebody lifts the robot
-_HANGING_TIME = 0.5  # s
+_HANGING_TIME = 0.5  # s with less load than that, after which the robot hangs
 _LOW_TIME = 0.1  # s, delay with which the kinematic estimate finds the ground after a hang
 _STEP_TIME = 0.4  # s, about one step: time constant of `velocity`, and memory of a lifted foot
 
