@@ -18,7 +18,7 @@ from cassie_msgs.schedule import GAIT_TICKS, PERIOD_TICKS, effective_seq, period
 LEAD = 1000
 """Control ticks by which a mode, or a script's answer, may be ahead of its receiver."""
 
-_KEPT = 4  # answers kept: three more than lock-step needs
+_KEPT = 4  # modes that wait for their tick at most; in lock-step one does
 
 _STEP_TIMES = 0.2, 1.0  # s, range of an accepted gait's step time
 
