@@ -13,7 +13,7 @@ from cassie_gaits.records import FloatArray, Records
 
 _LOW_PASS_WEIGHT = 0.15  # of a new pair of steps
 _MAX_PAYLOAD = 30.0  # kg, saturation of the payload
-_CARRIED_MASS = 30.2  # kg, by `lifting_force` without a payload: the legs' lower parts move less
+_CARRIED_MASS = 30.2  # kg, mean `lifting_force` over g without a payload; without the lower legs
 
 
 @compiled
