@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cassie_control.control.robot import Readings, set_tilt
+from cassie_control.control.robot import Readings, set_heading_from_pelvis
 from cassie_gaits import robot, virtual_leg
 from cassie_gaits.leg import LegPair, both_legs
 from cassie_gaits.names import LEGS
@@ -46,8 +46,8 @@ def state_of(
     c, s = np.cos(yaw), np.sin(yaw)
     state.v[:2] = (c * velocity[0] - s * velocity[1], s * velocity[0] + c * velocity[1])
     state.com_velocity[:2] = velocity
-    tilt = np.eye(3)
-    set_tilt(pitch, roll, tilt)
+    R_HP = np.eye(3)
+    set_heading_from_pelvis(pitch, roll, R_HP)
     moment, feet = robot.PELVIS.mass * np.array(robot.PELVIS.com), np.zeros(3)
     pair = LegPair()
     joints, up = np.array([left, right]), np.array([0.0, 0.0, 1.0])
@@ -55,7 +55,7 @@ def state_of(
     for leg in pair.states:
         moment += leg["com_moment"]
         feet += 0.5 * leg["foot"]
-    state.com_position[:] = turned(tilt, moment / robot.MASS - feet)
+    state.com_position[:] = turned(R_HP, moment / robot.MASS - feet)
     state.foot_force[:] = forces
     state.foot_load[:] = np.clip((np.array(forces) - 100.0) / 100.0, 0.0, 1.0)
     state.contact_probability[:] = np.array(forces) > 60.0

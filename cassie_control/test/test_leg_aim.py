@@ -23,6 +23,6 @@ def test_the_toe_joint_comes_to_where_it_is_aimed(seed):
         knee=virtual_leg.knee_angle(length),
     )
     readings = readings_of(state_of(joints, leg_joints(), pitch=pitch))
-    hip = readings.tilt @ np.array([HIP_ROLL_X, HIP_Y, 0.0])
+    hip = readings.R_HP @ np.array([HIP_ROLL_X, HIP_Y, 0.0])
     toe = np.array(readings.legs[0].toe_joint) - hip
     assert toe == pytest.approx((x, y, -down), abs=0.012)

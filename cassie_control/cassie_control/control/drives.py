@@ -3,14 +3,14 @@
 The hip. The stance hip regulates the torso: the hip drive's set-point is the measured hip angle
 plus the torso's error. If set-points are late by D, the drive's damping torque is
 kd (v(t - D) - v(t)). This is 0 at the frequency 1 / D, which for 20 ms is near the 42 Hz of the
-oscillation of hip and leaf springs. So a share of the hip's motion q is replaced by a low-passed
-track of the leg in space. With theta the leg's angle in space (hip roll plus torso roll, hip pitch
-less torso pitch) and w = 2 pi thigh_track,
+oscillation of hip and leaf springs. So a share of the hip's motion q is replaced by the low-passed
+motion of the thigh in space. With theta the thigh's angle in space (hip roll plus torso roll, hip
+pitch less torso pitch) and w = 2 pi thigh_track,
 
     phi' = rho + 2 w (theta - phi),   rho' = w^2 (theta - phi),
     q_f  = q + thigh_angle (phi - theta),   q_f' = q' + thigh_rate (rho - theta'),
 
-and q_f takes the place of q in the set-point. The track follows a steady swing without lag. The
+and q_f takes the place of q in the set-point. The filter follows a steady swing without lag. The
 drive damps motion relative to it at 2 kHz, late or not. `thigh_angle` and `thigh_rate` are below 1
 without latency: with all of the motion replaced, damping torques that the drive applies 3 ms late
 would cause oscillation at that frequency. With late drives both become 1 (`gains`).
@@ -69,62 +69,39 @@ from cassie_gaits.virtual_leg import KNEE_OFFSET, SHIN, THIGH, nearest_knee_angl
 from cassie_msgs.layout import MotorCommand
 
 ROLL_AXIS, PITCH_AXIS = 0, 1
-"""Axes of the track of a leg in space, `Step.thigh_track`."""
+"""Axes of a hip in `Step.hip` and `Step.filtered_thigh`."""
 
 
 @compiled
-def _thigh_motion(robot: Robot, i: int, axis: int) -> tuple[float, float]:
-    """Angle and rate of leg `i` in space, by roll or pitch (`axis`). In rad and rad/s."""
-    if axis == ROLL_AXIS:
-        return robot.joints[i, HIP_ROLL] + robot.roll, robot.rates[i, HIP_ROLL] + robot.roll_rate
-    return robot.joints[i, HIP_PITCH] - robot.pitch, robot.rates[i, HIP_PITCH] - robot.pitch_rate
-
-
-@compiled
-def track_thighs(gain: Gains, robot: Robot, step: Step) -> None:
-    """Update the tracks of both legs; a new track begins with the measured motion.
+def filter_hips(gain: Gains, robot: Robot, step: Step) -> None:
+    """Compute the hip angles and rates in which a share of the measured motion is low-passed.
 
     Args:
         gain: Constants of the law.
         robot: The robot now.
-        step: Its tracks are changed in place.
+        step: Gets phi and rho, q_f and q_f' of the equations above for roll and pitch of both legs.
+            The filter begins with the measured motion.
 
     Source:
         Critically damped alpha-beta filter with the equations above.
     """
     w, dt = 2.0 * math.pi * gain.thigh_track, gain.period
+    torso = (robot.roll, robot.roll_rate), (-robot.pitch, -robot.pitch_rate)
     for i in range(2):
-        for axis in range(2):
-            angle, rate = _thigh_motion(robot, i, axis)
-            if step.thigh_tracking == 0.0:
-                step.thigh_track[i, axis], step.thigh_track_rates[i, axis] = angle, rate
+        for axis, joint in ((ROLL_AXIS, HIP_ROLL), (PITCH_AXIS, HIP_PITCH)):
+            hip, hip_rate = robot.joints[i, joint], robot.rates[i, joint]
+            angle, rate = hip + torso[axis][0], hip_rate + torso[axis][1]
+            if step.thighs_filtered == 0.0:
+                step.filtered_thigh[i, axis], step.filtered_thigh_rates[i, axis] = angle, rate
             else:
-                predicted = step.thigh_track[i, axis] + dt * step.thigh_track_rates[i, axis]
-                step.thigh_track[i, axis] = predicted + 2.0 * w * dt * (angle - predicted)
-                step.thigh_track_rates[i, axis] += w * w * dt * (angle - predicted)
-    step.thigh_tracking = 1.0
-
-
-@compiled
-def filtered_hip(gain: Gains, robot: Robot, i: int, axis: int, step: Step) -> tuple[float, float]:
-    """Hip angle and rate in which a share of the measured motion is that of the track.
-
-    Args:
-        gain: Constants of the law.
-        robot: The robot now.
-        i: Number of the leg.
-        axis: `ROLL_AXIS` or `PITCH_AXIS`.
-        step: Has the tracks.
-
-    Returns:
-        q_f and q_f' of the equations above. In rad and rad/s.
-    """
-    angle, rate = _thigh_motion(robot, i, axis)
-    joint = HIP_ROLL if axis == ROLL_AXIS else HIP_PITCH
-    return (
-        robot.joints[i, joint] + gain.thigh_angle * (step.thigh_track[i, axis] - angle),
-        robot.rates[i, joint] + gain.thigh_rate * (step.thigh_track_rates[i, axis] - rate),
-    )
+                predicted = step.filtered_thigh[i, axis] + dt * step.filtered_thigh_rates[i, axis]
+                step.filtered_thigh[i, axis] = predicted + 2.0 * w * dt * (angle - predicted)
+                step.filtered_thigh_rates[i, axis] += w * w * dt * (angle - predicted)
+            step.hip[i, axis] = hip + gain.thigh_angle * (step.filtered_thigh[i, axis] - angle)
+            step.hip_rates[i, axis] = hip_rate + gain.thigh_rate * (
+                step.filtered_thigh_rates[i, axis] - rate
+            )
+    step.thighs_filtered = 1.0
 
 
 class DriveLaw(NamedTuple):
@@ -150,7 +127,7 @@ _MIN_SWING_LENGTH = 0.45  # m, shortest leg for the inertia
 def drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCommand) -> None:
     """Set-points of the stance leg, whose hip regulates torso roll and pitch.
 
-    With q_f and q_f' of `filtered_hip` and the load l on the leg, 0..1, the hip gets
+    With q_f and q_f' of `filter_hips` and the load l on the leg, 0..1, the hip gets
 
         q_d = q_f + l (desired - measured torso angle),    q_d' = l (q_f' - l torso rate),
 
@@ -168,8 +145,8 @@ def drive_stance(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCo
         eq:IK, eq:hdtilde.
     """
     q, v, load, base = robot.joints[i], robot.rates[i], robot.load[i], LEG_DRIVE_COUNT * i
-    hip_roll, roll_rate = filtered_hip(gain, robot, i, ROLL_AXIS, step)
-    hip_pitch, pitch_rate = filtered_hip(gain, robot, i, PITCH_AXIS, step)
+    hip_roll, roll_rate = step.hip[i, ROLL_AXIS], step.hip_rates[i, ROLL_AXIS]
+    hip_pitch, pitch_rate = step.hip[i, PITCH_AXIS], step.hip_rates[i, PITCH_AXIS]
     desired, rates = step.desired, step.desired_rates
     knee, knee_rate = _knee_motion(desired[LENGTH_ST], rates[LENGTH_ST])
     command.position[base + HIP_ROLL] = hip_roll - load * (desired[ROLL] - robot.roll)
@@ -243,11 +220,11 @@ def drive_swing(gain: Gains, robot: Robot, i: int, step: Step, command: MotorCom
     command.kd[base + TOE_DRIVE] *= 1.0 - robot.load[i]
     own_weight = 1.0 - swing_foot_load(robot.force[i])
     torso_weight = load_share(robot, i)
-    hip, rate = filtered_hip(gain, robot, i, ROLL_AXIS, step)
+    hip, rate = step.hip[i, ROLL_AXIS], step.hip_rates[i, ROLL_AXIS]
     position, velocity = hip - desired[ROLL] + robot.roll, rate + robot.roll_rate
     torso = DriveLaw(gain.kp_torso_roll, gain.kd_torso_roll, position, velocity)
     _blend_laws(command, base + HIP_ROLL, own_weight, torso_weight, torso)
-    hip, rate = filtered_hip(gain, robot, i, PITCH_AXIS, step)
+    hip, rate = step.hip[i, PITCH_AXIS], step.hip_rates[i, PITCH_AXIS]
     position, velocity = hip + desired[PITCH] - robot.pitch, rate - robot.pitch_rate
     torso = DriveLaw(gain.kp_torso_pitch, gain.kd_torso_pitch, position, velocity)
     _blend_laws(command, base + HIP_PITCH, own_weight, torso_weight, torso)

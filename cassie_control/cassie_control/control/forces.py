@@ -145,7 +145,7 @@ def _set_weight_torques(
     """Set the torques with which leg `i` holds a weight (N), along the line from foot to CoM."""
     x, y = robot.com[0] - robot.toe_joint[i, 0], robot.com[1] - robot.toe_joint[i, 1]
     z = pendulum_height(robot, i)
-    torques = holding_torques(jacobian, robot.tilt, weight, x / z, y / z)
+    torques = holding_torques(jacobian, robot.R_HP, weight, x / z, y / z)
     base = LEG_DRIVE_COUNT * i
     for k in range(len(torques)):
         command.torque[base + k] = torques[k]
@@ -154,15 +154,15 @@ def _set_weight_torques(
 
 @compiled
 def holding_torques(
-    jacobian: FloatArray, tilt: FloatArray, force: float, lean_x: float, lean_y: float
+    jacobian: FloatArray, R_HP: FloatArray, force: float, force_x: float, force_y: float
 ) -> tuple[float, float, float, float]:
     """Torques of hip roll, yaw, pitch and knee that hold a ground force on the foot.
 
     Args:
         jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in m/rad.
-        tilt: Rotation from pelvis to heading frame. Shape (3, 3).
+        R_HP: Rotation from pelvis to heading frame. Shape (3, 3).
         force: Vertical part of the ground force. In N.
-        lean_x, lean_y: Ratios of the force's horizontal parts to the vertical, heading frame.
+        force_x, force_y: Ratios of the force's horizontal parts to the vertical, heading frame.
 
     Returns:
         Torques. In Nm.
@@ -170,9 +170,9 @@ def holding_torques(
     Source:
         u = -J^T F on the model with rigid springs, where the tarsus turns against the knee.
     """
-    x = force * (tilt[2, 0] + lean_x * tilt[0, 0] + lean_y * tilt[1, 0])
-    y = force * (tilt[2, 1] + lean_x * tilt[0, 1] + lean_y * tilt[1, 1])
-    z = force * (tilt[2, 2] + lean_x * tilt[0, 2] + lean_y * tilt[1, 2])
+    x = force * (R_HP[2, 0] + force_x * R_HP[0, 0] + force_y * R_HP[1, 0])
+    y = force * (R_HP[2, 1] + force_x * R_HP[0, 1] + force_y * R_HP[1, 1])
+    z = force * (R_HP[2, 2] + force_x * R_HP[0, 2] + force_y * R_HP[1, 2])
     roll = jacobian[0, HIP_ROLL] * x + jacobian[1, HIP_ROLL] * y + jacobian[2, HIP_ROLL] * z
     yaw = jacobian[0, HIP_YAW] * x + jacobian[1, HIP_YAW] * y + jacobian[2, HIP_YAW] * z
     pitch = jacobian[0, HIP_PITCH] * x + jacobian[1, HIP_PITCH] * y + jacobian[2, HIP_PITCH] * z

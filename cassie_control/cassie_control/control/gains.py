@@ -95,7 +95,7 @@ def _set_late_gains(result: Gains, config: WalkConfig, latency: float) -> None:
     if share == 0.0:
         return
     result.latency, result.handover = latency, late.handover
-    # Late measurements must not shake the set-points: these use the track of the leg alone.
+    # Late measurements must not shake the set-points: these use the low-passed thigh alone.
     for name, goal in (
         ("thigh_track", late.thigh_track),
         ("thigh_angle", 1.0),

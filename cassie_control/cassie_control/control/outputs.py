@@ -43,9 +43,11 @@ class Step(Record):
         gait: Bezier coefficients of this step.
         desired, desired_rates, accelerations: Desired outputs and their time derivatives.
         measured, measured_rates: Outputs and their rates as last measured.
-        thigh_tracking: 1 once the tracks of the thighs have begun.
-        thigh_track, thigh_track_rates: Track of each leg in space, roll and pitch, and its rates,
-            see `track_thighs`. In rad and rad/s.
+        thighs_filtered: 1 once the filters of the thighs have begun.
+        filtered_thigh, filtered_thigh_rates: Low-passed roll and pitch of each thigh in space, and
+            their rates, see `filter_hips`. In rad and rad/s.
+        hip, hip_rates: Roll and pitch of each hip as the torso's set-points take them, and their
+            rates, see `filter_hips`. In rad and rad/s.
     """
 
     heading: float
@@ -60,9 +62,11 @@ class Step(Record):
     accelerations: FloatArray = array(9)
     measured: FloatArray = array(9)
     measured_rates: FloatArray = array(9)
-    thigh_tracking: float
-    thigh_track: FloatArray = array(2, 2)
-    thigh_track_rates: FloatArray = array(2, 2)
+    thighs_filtered: float
+    filtered_thigh: FloatArray = array(2, 2)
+    filtered_thigh_rates: FloatArray = array(2, 2)
+    hip: FloatArray = array(2, 2)
+    hip_rates: FloatArray = array(2, 2)
 
 
 @compiled

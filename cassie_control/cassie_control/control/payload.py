@@ -33,7 +33,7 @@ def lifting_force(robots: Records[Robot], pairs: Records[LegPair], torque: Float
     Returns:
         Sum over both legs. In N.
     """
-    x, z, force = robots[0].tilt[0], robots[0].tilt[2], 0.0
+    x, z, force = robots[0].R_HP[0], robots[0].R_HP[2], 0.0
     for i in range(2):
         jacobian, first = pairs[0].states[i].toe_jacobian, LEG_DRIVE_COUNT * i
         hip_x = hip_z = knee_x = knee_z = 0.0

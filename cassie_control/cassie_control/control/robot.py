@@ -99,7 +99,7 @@ class Robot(Record):
         toe_joint: Toe joint of each leg from the pelvis origin. In m.
         foot: Middle of each sole from the pelvis origin. In m.
         rates: Rates of the joints. In rad/s.
-        tilt: Rotation from the pelvis to the heading frame.
+        R_HP: Rotation from the pelvis to the heading frame.
         angular_velocity: Angular velocity of the pelvis, pelvis frame. In rad/s.
     """
 
@@ -121,18 +121,18 @@ class Robot(Record):
     toe_joint: FloatArray = array(2, 3)
     foot: FloatArray = array(2, 3)
     rates: FloatArray = array(2, 7)
-    tilt: FloatArray = array(3, 3)
+    R_HP: FloatArray = array(3, 3)
     angular_velocity: FloatArray = array(3)
 
 
 @compiled
-def set_tilt(pitch: float, roll: float, tilt: FloatArray) -> None:
-    """Rotation from pelvis to heading frame, from pitch and roll in rad, into `tilt` (3, 3)."""
+def set_heading_from_pelvis(pitch: float, roll: float, R_HP: FloatArray) -> None:
+    """Rotation from pelvis to heading frame, from pitch and roll in rad, into `R_HP` (3, 3)."""
     cp, sp = math.cos(pitch), math.sin(pitch)
     cr, sr = math.cos(roll), math.sin(roll)
-    tilt[0, 0], tilt[0, 1], tilt[0, 2] = cp, sp * sr, sp * cr
-    tilt[1, 0], tilt[1, 1], tilt[1, 2] = 0.0, cr, -sr
-    tilt[2, 0], tilt[2, 1], tilt[2, 2] = -sp, cp * sr, cp * cr
+    R_HP[0, 0], R_HP[0, 1], R_HP[0, 2] = cp, sp * sr, sp * cr
+    R_HP[1, 0], R_HP[1, 1], R_HP[1, 2] = 0.0, cr, -sr
+    R_HP[2, 0], R_HP[2, 1], R_HP[2, 2] = -sp, cp * sr, cp * cr
 
 
 @compiled
@@ -156,13 +156,13 @@ def read_robot(
     legs = pair.states
     robot.height, robot.yaw, robot.pitch, robot.roll = q[2], q[3], q[4], q[5]
     robot.yaw_rate, robot.pitch_rate, robot.roll_rate = v[3], v[4], v[5]
-    set_tilt(q[4], q[5], robot.tilt)
+    set_heading_from_pelvis(q[4], q[5], robot.R_HP)
     for i in range(2):
         for k in range(7):
             robot.joints[i, k], robot.rates[i, k] = q[6 + 7 * i + k], v[6 + 7 * i + k]
         robot.load[i], robot.force[i] = estimate.foot_load[i], estimate.foot_force[i]
         robot.contact[i] = estimate.contact_probability[i]
-        toe_joint, foot = turned(robot.tilt, legs[i].toe_joint), turned(robot.tilt, legs[i].foot)
+        toe_joint, foot = turned(robot.R_HP, legs[i].toe_joint), turned(robot.R_HP, legs[i].foot)
         for k in range(3):
             robot.toe_joint[i, k], robot.foot[i, k] = toe_joint[k], foot[k]
     for k in range(3):
@@ -215,24 +215,18 @@ def pendulum_height(robot: Robot, stance: int) -> float:
 @compiled
 def hip_pitch_ahead(robot: Robot) -> float:
     """Distance of the hip pitch axes ahead of the pelvis origin, with level hips. In m."""
-    ahead: float = robot.tilt[0, 0] * HIP_X + robot.tilt[0, 2] * HIP_Z
+    ahead: float = robot.R_HP[0, 0] * HIP_X + robot.R_HP[0, 2] * HIP_Z
     return ahead
 
 
 @dataclass(slots=True)
 class LegReadings:
-    """One leg: its joints and where its toe joint is.
+    """One leg: fields of `Robot` with its part of each.
 
     Attributes:
         side: 1 for the left leg, -1 for the right.
         toe_jacobian: Of the toe joint's position by the joints, pelvis frame. Shape (3, 7), in
             m/rad.
-        joints: The seven joints. In rad.
-        toe_joint: Toe joint from the pelvis origin, heading frame. In m.
-        foot: Middle of the sole from the pelvis origin, heading frame. In m.
-        load: How far the foot is loaded, 0..1.
-        force: Vertical force on the foot. In N.
-        contact: Probability that the foot is on the ground, 0..1.
     """
 
     side: float
@@ -252,17 +246,12 @@ class Readings:
     unpacked together, when the first is read after an update: compiled laws, which take `records`,
     need none of them.
 
+    Attributes without a line here are fields of `Robot`.
+
     Attributes:
-        yaw, pitch, roll, yaw_rate, pitch_rate, roll_rate: Angles of the torso and their rates. In
-            rad and rad/s.
-        com: Centre of mass from the pelvis origin, heading frame. In m.
-        com_from_feet: Centre of mass from the midpoint of the feet, heading frame. In m.
-        com_velocity: Velocity of the centre of mass, heading frame. In m/s.
-        velocity: Velocity of the pelvis origin, heading frame. In m/s.
-        height: Pelvis origin above the loaded soles. In m.
         legs: Left and right leg.
         state: The state estimate.
-        tilt: Rotation from pelvis to heading frame. Shape (3, 3).
+        R_HP: Rotation from pelvis to heading frame. Shape (3, 3).
         records: `Robot`, for compiled functions. Shape (1,).
         pair: Pose of both legs, `leg.LegPair`. Shape (1,).
     """
@@ -284,7 +273,7 @@ class Readings:
         robot, pair = Robot(), LegPair()
         self.records = robot.records
         self.pair = pair.records
-        self.tilt: FloatArray = robot.tilt
+        self.R_HP: FloatArray = robot.R_HP
         self.state = RobotState()
         self._toe_jacobians = pair.records["states"]["toe_jacobian"][0]
         self._memory = self.records.view(np.uint8).data

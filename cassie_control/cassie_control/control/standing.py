@@ -316,7 +316,7 @@ class StandingController:
         command.kp[drives] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
         command.kd[drives] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = holding_torques(
-            leg.toe_jacobian, readings.tilt, self._weight * share, *balance.force_ratio
+            leg.toe_jacobian, readings.R_HP, self._weight * share, *balance.force_ratio
         )
         toe = self._toe_torque(leg)
         pitch += toe + self._torso_torque(readings, float(mode.pitch), contact)

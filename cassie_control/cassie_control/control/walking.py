@@ -11,7 +11,7 @@ from cassie_control.control.drives import (
     add_swing_inertia,
     drive_stance,
     drive_swing,
-    track_thighs,
+    filter_hips,
 )
 from cassie_control.control.forces import carry_weight
 from cassie_control.control.gains import Gains, make_gains
@@ -118,7 +118,7 @@ def compute_set_points(
     5. `adapt_phase_rate`: the phase's rate, so that the step ends then.
     6. `adjust_outputs`: desired outputs with this landing, the turn and a level path of the hip.
        Rates of 2 are by the phase's rate before 5, those of 6 by the one after.
-    7. `track_thighs`: low-passed motion of the legs in space, for the hips' set-points.
+    7. `filter_hips`: hip angles of the torso's set-points, in part low-passed.
     8. `drive_stance`, `drive_swing`: positions, velocities and gains of the drives.
     9. `add_swing_inertia`: adds the torques that accelerate the swing leg.
 
@@ -148,7 +148,7 @@ def compute_set_points(
         target = plan_landing_by_paper(papers, robots, timings, steps, all_commanded)
     adapt_phase_rate(timing, target.remaining)
     adjust_outputs(gain, robot, mode, timing, slope, target, step)
-    track_thighs(gain, robot, step)
+    filter_hips(gain, robot, step)
     drive_stance(gain, robot, stance, step, command)
     drive_swing(gain, robot, swing, step, command)
     add_swing_inertia(gain, robot, swing, step, command)
@@ -260,7 +260,7 @@ class WalkingController:
         initialize_slope(self._slope.records, readings.records)
         self._gaits, self._gait_is_offered = self.library.table, False
         self._row_shift[:] = 0.0
-        self.plan.heading, self.plan.mean_vy, self.plan.thigh_tracking = readings.yaw, 0.0, 0.0
+        self.plan.heading, self.plan.mean_vy, self.plan.thighs_filtered = readings.yaw, 0.0, 0.0
         self._placement.reset()
         begin_step(readings.records, stance, False, self.plan.records)
 

@@ -148,12 +148,12 @@ def momentum_velocity(
         Forward and to the left, heading frame. In m/s.
     """
     robot = robots[0]
-    tilt, mass = robot.tilt, all_masses[0].mass
+    R_HP, mass = robot.R_HP, all_masses[0].mass
     total = momentum_about_pelvis(robot.joints, robot.rates, robot.angular_velocity, all_masses)
     hx = hy = 0.0
     for k in range(3):
-        hx += tilt[0, k] * total[k]
-        hy += tilt[1, k] * total[k]
+        hx += R_HP[0, k] * total[k]
+        hy += R_HP[1, k] * total[k]
     x, y, z = robot.com[0], robot.com[1], robot.com[2]
     vx, vy, vz = robot.com_velocity[0], robot.com_velocity[1], robot.com_velocity[2]
     px, py, pz = robot.toe_joint[stance, 0], robot.toe_joint[stance, 1], robot.toe_joint[stance, 2]

@@ -273,7 +273,7 @@ def plan_landing(
     side, com = 1.0 - 2.0 * (1 - stance), robot.com
     velocity = momentum_velocity(robots, stance, all_masses)
     state = _pendulum_state(gains, robot, timing, slope, velocity)
-    hip = turned(robot.tilt, (HIP_ROLL_X, side * HIP_Y, 0.0))
+    hip = turned(robot.R_HP, (HIP_ROLL_X, side * HIP_Y, 0.0))
     hip_height = hip[2] - robot.toe_joint[stance, 2] + _hip_rise(timing, slope, step)
     reach = _reach(gains, robot, side, hip, hip_height, state.rate)
     contact_lead = _contact_lead(gains, timing.velocity[0])

@@ -54,6 +54,7 @@ def bernstein(degree: int, phase: float, derivative: int = 0) -> FloatArray:
     return result
 
 
+@cache
 def coordinates_at(phase: float, derivatives: int) -> FloatArray:
     """Matrix from the unknowns of a step to its coordinates and derivatives by phase.
 
@@ -62,7 +63,7 @@ def coordinates_at(phase: float, derivatives: int) -> FloatArray:
         derivatives: Number of derivatives after the coordinates, 0 to 2.
 
     Returns:
-        Matrix of shape ((derivatives + 1) SIZE, STEP_UNKNOWNS).
+        Matrix of shape ((derivatives + 1) SIZE, STEP_UNKNOWNS), read-only.
     """
     rows = []
     for order in range(derivatives + 1):
@@ -73,7 +74,9 @@ def coordinates_at(phase: float, derivatives: int) -> FloatArray:
         block[:OUTPUT_COUNT, :split] = np.kron(np.eye(OUTPUT_COUNT), output)
         block[OUTPUT_COUNT:, split:] = np.kron(np.eye(PASSIVE), passive)
         rows.append(block)
-    return np.vstack(rows)
+    result = np.vstack(rows)
+    result.flags.writeable = False
+    return result
 
 
 def split(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -276,25 +276,33 @@ def _step(
     outputs, passive = grid.split(unknowns)
     if request.symmetric:
         asymmetry = 0.0
-    count, duration = 2 * TORQUE_DEGREE, request.step_time
-    phases = 0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    samples = []
-    for phase in phases:
-        y, y1, y2 = (grid.coordinates_at(float(phase), 2) @ unknowns).reshape(3, -1)
-        torque = _torques()(
-            *(y, y1 / duration, y2 / duration**2, request.slope, asymmetry, request.payload)
-        )
-        samples.append(np.array(torque, dtype=np.float64).ravel())
-    basis = np.array([grid.bernstein(TORQUE_DEGREE, float(phase)) for phase in phases])
-    torques = np.linalg.lstsq(basis, np.array(samples), rcond=None)[0].T
+    duration = request.step_time
+    phases, basis = _torque_samples()
+    motion = np.array([grid.coordinates_at(phase, 2) @ unknowns for phase in phases])
+    y, y1, y2 = motion.reshape(len(phases), 3, -1).transpose(1, 2, 0)
+    samples = np.array(
+        _torques()(*(y, y1 / duration, y2 / duration**2, request.slope, asymmetry, request.payload))
+    )
+    torques: FloatArray = np.linalg.lstsq(basis, samples.T, rcond=None)[0].T
     return outputs, passive, torques
 
 
 @cache
+def _torque_samples() -> tuple[tuple[float, ...], FloatArray]:
+    """Chebyshev nodes at which torques are sampled, and the Bernstein polynomials there."""
+    count = 2 * TORQUE_DEGREE
+    phases = tuple((0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count)).tolist())
+    return phases, np.array([grid.bernstein(TORQUE_DEGREE, phase) for phase in phases])
+
+
+@cache
 def _torques() -> ca.Function:
-    """Function for the drives' torques, left then right; zero for the stance toe by constraint."""
+    """Function for the drives' torques, left then right; zero for the stance toe by constraint.
+
+    Coordinates are given at all of `_torque_samples`, one column each.
+    """
     at = instant()
     stance = ca.vertcat(at.efforts.stance[:4], 0.0)
     torques = ca.vertcat(at.efforts.swing, stance)
     symbols = [at.y, at.yd, at.ydd, at.slope, at.asymmetry, at.payload]
-    return ca.Function("torques", symbols, [torques])
+    return ca.Function("torques", symbols, [torques]).map(2 * TORQUE_DEGREE)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from walkers import CONFIG
 
-from cassie_control.control.drives import PITCH_AXIS, filtered_hip, track_thighs
+from cassie_control.control.drives import PITCH_AXIS, filter_hips
 from cassie_control.control.gains import make_gains
 from cassie_control.control.outputs import Step
 from cassie_control.control.robot import Robot
@@ -25,8 +25,8 @@ def hips_of(angles, rates, config=CONFIG):
     taken = []
     for angle, rate in zip(angles, rates, strict=True):
         robot.joints[LEFT, 2], robot.rates[LEFT, 2] = angle, rate
-        track_thighs(gain, here, steps)
-        taken.append(filtered_hip(gain, here, LEFT, PITCH_AXIS, steps))
+        filter_hips(gain, here, steps)
+        taken.append((step.hip[LEFT, PITCH_AXIS], step.hip_rates[LEFT, PITCH_AXIS]))
     return np.array(taken)
 
 
