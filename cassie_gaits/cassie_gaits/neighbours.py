@@ -42,7 +42,7 @@ class Pair:
 
 def pairs(gaits: Sequence[Gait]) -> list[Pair]:
     """All pairs of neighbours along each axis of the grid; there is no pair across a hole."""
-    by_speeds = {_speeds(gait): gait for gait in gaits}
+    by_speeds = {speeds_of(gait): gait for gait in gaits}
     found = []
     for k, axis in enumerate(AXES):
         values = sorted({speeds[k] for speeds in by_speeds})
@@ -58,15 +58,22 @@ def pairs(gaits: Sequence[Gait]) -> list[Pair]:
     return found
 
 
+def far_apart(found: Sequence[Pair]) -> list[Pair]:
+    """Pairs whose distance is more than `FAR` times the median along their axis, farthest first."""
+    medians = {axis: _median(found, axis) for axis in AXES}
+    far = [pair for pair in found if pair.distance > FAR * medians[pair.axis]]
+    return sorted(far, key=lambda pair: -pair.distance)
+
+
 def greatest(gaits: Sequence[Gait]) -> dict[Speeds, float]:
     """Greatest distance of each gait to a neighbour, as ratio to the median along that axis."""
     found = pairs(gaits)
     medians = {axis: _median(found, axis) for axis in AXES}
-    result = {_speeds(gait): 0.0 for gait in gaits}
+    result = {speeds_of(gait): 0.0 for gait in gaits}
     for pair in found:
         ratio = pair.distance / medians[pair.axis] if medians[pair.axis] > 0.0 else 0.0
         for gait in (pair.one, pair.other):
-            result[_speeds(gait)] = max(result[_speeds(gait)], ratio)
+            result[speeds_of(gait)] = max(result[speeds_of(gait)], ratio)
     return result
 
 
@@ -86,8 +93,7 @@ def report(gaits: Sequence[Gait], most: int | None = 10) -> str:
             lines.append(f"{axis:14s} {len(distances):6d} {middle:8.4f} {most_of:8.4f} {top:8.4f}")
     for axis in AXES:
         median = _median(found, axis)
-        far = [pair for pair in found if pair.axis == axis and pair.distance > FAR * median]
-        far.sort(key=lambda pair: -pair.distance)
+        far = [pair for pair in far_apart(found) if pair.axis == axis]
         if far:
             lines.append(_summary(axis, far, most))
         for pair in far[:most]:
@@ -114,7 +120,7 @@ def _summary(axis: str, far: Sequence[Pair], most: int | None) -> str:
     )
 
 
-def _speeds(gait: Gait) -> Speeds:
+def speeds_of(gait: Gait) -> Speeds:
     return gait.vx, gait.vy, gait.yaw_rate
 
 

@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 
 from cassie_gaits.certificate.certify import certify
+from cassie_gaits.certificate.seal import flaw, gait_sha256
 from cassie_gaits.certificate.table import speed_rows
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import OUTPUTS, Gait, mirror
+from cassie_gaits.gait_library_file import library_path, load_library
 from cassie_gaits.optimize.conflicts import conflict
-from cassie_gaits.optimize.library import neighbours
+from cassie_gaits.optimize.library import apart, improve, neighbours
 from cassie_gaits.optimize.problem import problem
-from cassie_gaits.optimize.request import TABLE_ONLY, Request, parameters
+from cassie_gaits.optimize.request import TABLE_ONLY, Request, as_document, parameters
 from cassie_gaits.optimize.solution import exchanged, solve
+from cassie_gaits.processes import local_processes
 
 REQUEST = Request(vx=0.5)
 
@@ -227,7 +230,7 @@ def test_speed_on_an_arc_is_that_of_the_middle_between_the_feet(turn):
     )
 
 
-def test_neighbours_are_one_step_nearer_to_rest_in_turning_first():
+def test_neighbours_are_one_step_nearer_to_rest_those_slower_ahead_first():
     straight = [Request(vx=v) for v in (-0.5, 0.0, 0.25, 0.5)]
     near = neighbours(straight)
     assert [near[request] for request in straight] == [
@@ -238,7 +241,7 @@ def test_neighbours_are_one_step_nearer_to_rest_in_turning_first():
     ]
     turn = Request(vx=0.25, yaw_rate=0.3, symmetric=False)
     slower = Request(yaw_rate=0.3, symmetric=False)
-    assert neighbours([*straight, turn, slower])[turn] == [straight[2], slower]
+    assert neighbours([*straight, turn, slower])[turn] == [slower, straight[2]]
 
 
 def test_a_gait_to_the_right_starts_from_its_mirror_image():
@@ -248,3 +251,20 @@ def test_a_gait_to_the_right_starts_from_its_mirror_image():
     near = neighbours([Request(vx=0.25), left, right, straight])
     assert near[right] == [left, straight]
     assert near[left] == []
+
+
+def test_gaits_in_a_dearer_optimum_are_solved_again_from_their_neighbours():
+    """In `dense` the border of two optima lies too far back: behind it the other one costs less."""
+    gaits = {
+        Request(gait.vx, gait.vy, gait.yaw_rate, symmetric=False): gait
+        for gait in load_library(library_path("dense")).gaits
+        if (gait.vy, gait.yaw_rate) == (0.1, 0.9) and 0.0 <= gait.vx <= 0.5
+    }
+    assert {(request.vx, near.vx) for request, near in apart(gaits)} == {(0.2, 0.3), (0.3, 0.2)}
+    with local_processes(1) as executor:
+        better = {result.request: result.gait for result in improve(gaits, executor)}
+    assert [request.vx for request in better] == [0.3, 0.4]
+    for request, gait in better.items():
+        assert gait.cost < 0.996 * gaits[request].cost
+        assert gait.solver["request"] == as_document(request)
+        assert flaw(gait, gait_sha256(gait)) == ""

@@ -13,9 +13,13 @@ from cassie_gaits.certificate.seal import sealed
 from cassie_gaits.certificate.table import Row
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
+from cassie_gaits.neighbours import far_apart, pairs, speeds_of
 from cassie_gaits.optimize.conflicts import Conflict, conflict
 from cassie_gaits.optimize.request import Request
 from cassie_gaits.optimize.solution import Outcome, Point, exchanged, point_of, solve
+
+LEAST_GAIN = 1e-4
+"""Least part of its cost that a gait must save to take the place of another one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +87,84 @@ def find(
             future.cancel()
 
 
+def apart(gaits: Mapping[Request, Gait]) -> list[tuple[Request, Request]]:
+    """Requests whose gaits are far from a neighbour's, each with that neighbour."""
+    by_speeds = {speeds_of(gait): request for request, gait in gaits.items()}
+    found = []
+    for pair in far_apart(pairs(list(gaits.values()))):
+        one, other = by_speeds[speeds_of(pair.one)], by_speeds[speeds_of(pair.other)]
+        found += [(one, other)] if other.symmetric or not one.symmetric else []
+        found += [(other, one)] if one.symmetric or not other.symmetric else []
+    return found
+
+
+def improve(gaits: Mapping[Request, Gait], executor: Executor) -> Iterator[Result]:
+    """Solve the gaits that are far from a neighbour again, from that neighbour's gait.
+
+    Such neighbours may be in two local optima. A gait that costs less, and is certified, takes the
+    place of the present one, until no gait costs less from any neighbour.
+
+    Args:
+        gaits: All gaits of the grid.
+        executor: Runs the work.
+
+    Yields:
+        The better gaits.
+    """
+    best = dict(gaits)
+    tried: set[tuple[Request, Request, float]] = set()
+    while True:
+        attempts = [
+            (request, near, point_of(best[near]))
+            for request, near in apart(best)
+            if (request, near, _cost(best[near])) not in tried
+        ]
+        if not attempts:
+            return
+        tried.update((request, near, _cost(best[near])) for request, near, _ in attempts)
+        futures = [
+            executor.submit(_solve_again, request, point, _cost(best[request]))
+            for request, _, point in attempts
+        ]
+        try:
+            for future in futures:
+                result = future.result()
+                if result.gait is not None and _saves(result.gait, _cost(best[result.request])):
+                    best[result.request] = result.gait
+                    yield result
+        finally:
+            for future in futures:
+                future.cancel()
+
+
+def _solve_again(request: Request, near: Point, cost: float) -> Result:
+    """A gait from a neighbour's point; none unless it is certified and costs less than `cost`."""
+    outcome = solve(request, near, patient=False)
+    if outcome.gait is None or not _saves(outcome.gait, cost):
+        return Result(request, None, outcome, "costs no less")
+    try:
+        certificate = certify(outcome.gait)
+    except GaitLibraryError as error:
+        return Result(request, None, outcome, f"not certified: {error}")
+    return _certified(outcome, certificate)
+
+
+def _saves(gait: Gait, cost: float) -> bool:
+    return _cost(gait) < (1.0 - LEAST_GAIN) * cost
+
+
+def _cost(gait: Gait) -> float:
+    return math.inf if gait.cost is None else gait.cost
+
+
 def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
     """For each request the other requests from which it can start, best first.
 
     A gait to the right starts from its mirror image to the left. Another gait starts from one that
-    is a step nearer to rest: in turning rate, then in lateral speed, then in sagittal speed.
+    is a step nearer to rest: in sagittal speed, then in lateral speed, then in turning rate, whose
+    steps change a gait most.
     """
-    names = ("yaw_rate", "vy", "vx")
+    names = ("vx", "vy", "yaw_rate")
     by_speeds = {tuple(getattr(r, name) for name in names): r for r in requests}
     axes = [sorted({speeds[i] for speeds in by_speeds}, key=abs) for i in range(len(names))]
     result: dict[Request, list[Request]] = {}
@@ -107,9 +182,9 @@ def neighbours(requests: Sequence[Request]) -> dict[Request, list[Request]]:
 
 
 def _mirrored(speeds: tuple[float, ...]) -> tuple[float, ...]:
-    """Turning rate, lateral and sagittal speed with left and right exchanged."""
-    yaw_rate, vy, vx = speeds
-    return -yaw_rate, -vy, vx
+    """Sagittal and lateral speed and turning rate with left and right exchanged."""
+    vx, vy, yaw_rate = speeds
+    return vx, -vy, -yaw_rate
 
 
 def _start_ready(work: _Work, executor: Executor) -> None:
@@ -165,11 +240,19 @@ def _checked(work: _Work, executor: Executor, future: Future[Certificate]) -> Re
         certificate = future.result()
     except GaitLibraryError as error:
         return Result(outcome.request, None, outcome, f"not certified: {error}")
+    result = _certified(outcome, certificate)
+    if result.gait is not None:
+        return result
+    _explain(work, executor, outcome, result.reason)
+    return None
+
+
+def _certified(outcome: Outcome, certificate: Certificate) -> Result:
+    """The result for a gait that was checked."""
     if outcome.gait is not None and certificate.met:
         return Result(outcome.request, sealed(outcome.gait, certificate.as_document()), outcome)
     missed = ", ".join(_miss(row) for row in certificate.rows if not row.met)
-    _explain(work, executor, outcome, f"not certified: {missed}")
-    return None
+    return Result(outcome.request, None, outcome, f"not certified: {missed}")
 
 
 def _miss(row: Row) -> str:

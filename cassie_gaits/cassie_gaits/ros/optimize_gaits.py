@@ -24,7 +24,7 @@ from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, GaitLibrary, Provenance
 from cassie_gaits.gait_library_file import save_library
 from cassie_gaits.model_hash import model_hash
-from cassie_gaits.optimize.library import Result, find
+from cassie_gaits.optimize.library import Result, apart, find, improve
 from cassie_gaits.optimize.partial_file import Found, PartialFile
 from cassie_gaits.optimize.request import TABLE_ONLY, Request
 from cassie_gaits.optimize.solution import prepare
@@ -190,14 +190,18 @@ def _requests(options: argparse.Namespace) -> list[Request]:
 def _search(
     requests: list[Request], options: argparse.Namespace, found: Found, partial: PartialFile
 ) -> None:
-    """Find the missing gaits; each result is added to `found` and to the partial file at once."""
+    """Find the missing gaits, and solve those again that are far from a neighbour.
+
+    Each result is added to `found` and to the partial file at once.
+    """
     done = {r: result if isinstance(result, Gait) else None for r, result in found.items()}
     start, before = time.monotonic(), len(found)
-    if before == len(requests):
-        return
     missing = len(requests) - before
+    jobs = missing or len(apart(_gaits(found)))
+    if not jobs:
+        return
     forms = {request.symmetric for request in requests}
-    with _executor(options, forms, missing) as executor:
+    with _executor(options, forms, jobs) as executor:
         partial.begin(found)
         for result in find(requests, executor, done):
             content = _reason(result) if result.gait is None else result.gait
@@ -206,6 +210,18 @@ def _search(
             left = (time.monotonic() - start) / (len(found) - before) * (len(requests) - len(found))
             ahead = f", {left / 60.0:.0f} min left" if left > 60.0 else ""
             print(f"[{len(found)}/{len(requests)}{ahead}] {_line(result)}", flush=True)
+        gaits = _gaits(found)
+        if again := len(apart(gaits)):
+            print(f"solving again from neighbours that are far apart: {again} starts", flush=True)
+        for better in improve(gaits, executor):
+            if better.gait is not None:
+                found[better.request] = better.gait
+                partial.add(better.request, better.gait)
+                print(_line(better), flush=True)
+
+
+def _gaits(found: Found) -> dict[Request, Gait]:
+    return {request: gait for request, gait in found.items() if isinstance(gait, Gait)}
 
 
 @contextlib.contextmanager
