@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from cassie_msgs.tunables import names, tunable
+from cassie_msgs.tunables import tunable
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,6 +126,10 @@ class StandConfig:
     )
 
 
+_OWN_GAINS = ("kp_com_x", "kd_com_x", "kp_com_y", "kd_com_y", "kd_hip_roll", "roll_rate_length")
+"""Gains of `SegwayConfig` that take the place of those of `StandConfig`."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class SegwayConfig:
     """Riding a Segway: gains that differ from standing, and control of speed and heading."""
@@ -201,11 +205,11 @@ class SegwayConfig:
     )
 
     def standing(self, stand: StandConfig) -> StandConfig:
-        """Gains of standing, where those of riding replace the ones of the same name.
+        """Gains of standing, where those of riding replace `_OWN_GAINS`.
 
         A platform always moves: gains do not change as the robot settles, and no legs push up.
         """
-        own = {name: getattr(self, name) for name in names(StandConfig) if hasattr(self, name)}
+        own = {name: getattr(self, name) for name in _OWN_GAINS}
         return replace(
             stand,
             **own,
