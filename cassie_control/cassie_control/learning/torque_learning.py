@@ -248,7 +248,6 @@ _SKIPPED_STEPS = 4  # steps after the beginning of walking that are not used for
 _MAX_FINAL_PHASE = 1.15  # of a step that is used for learning
 _MAX_SPEED_ERROR = 0.15  # m/s, of a step that is used for learning
 _MAX_TILT = 0.15  # rad, torso roll and pitch of a step that is used for learning
-_MAX_LEAD = 0.05  # s, largest `lead`: the time for which phases are kept
 _BALANCE_JOINTS = [
     JOINTS.index(name)
     for name in (
@@ -317,7 +316,6 @@ class TorqueLearning:
         self._touchdown_jumps = np.zeros(len(JOINTS))
         self._step_is_ordinary = True
         self._period = period
-        self._phase_history = np.zeros(round(_MAX_LEAD / period) + 1)
         self.configure(config)
         self.begin(zero_torques() if learned is None else learned)
 
@@ -415,17 +413,15 @@ class TorqueLearning:
         straight = mode.mode == RobotMode.WALK and mode.vy == 0.0 == mode.yaw_rate
         self._step_is_ordinary = self._step_is_ordinary and upright and bool(straight)
         self._last_phase = timing.phase
-        history = self._phase_history
-        history[self._step_ticks % len(history)] = timing.phase
-        if self._step_ticks >= self._lead_ticks:
-            phase = history[(self._step_ticks - self._lead_ticks) % len(history)]
+        self._phases.append(float(timing.phase))
+        if len(self._phases) > self._lead_ticks:
             free = 1.0 - readings.legs[1 - timing.stance].contact
             accumulate_feedback(
                 self._torque_sums,
                 self._phase_weights,
                 self._speed_weights,
                 self.speeds,
-                float(phase),
+                self._phases[-1 - self._lead_ticks],
                 speed,
                 0.0 if last_step_weight else free,
                 timing.stance,
@@ -433,7 +429,6 @@ class TorqueLearning:
                 command.record,
                 self._limits,
             )
-        self._step_ticks += 1
 
     def _end_step(self, timing: StepTiming, mode: Mode) -> None:
         """Learn from the step that ended, if it was an ordinary one."""
@@ -455,7 +450,7 @@ class TorqueLearning:
 
     def _clear(self) -> None:
         """Empty the sums of a step."""
-        self._step_ticks = 0
+        self._phases: list[float] = []
         self._step_is_ordinary = True
         self._torque_sums[:] = 0.0
         self._phase_weights[:] = 0.0
