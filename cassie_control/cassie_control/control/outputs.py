@@ -56,7 +56,7 @@ class Step(Record):
     landing_yaw: float
     initial: FloatArray = array(9)
     initial_rates: FloatArray = array(9)
-    gait: FloatArray = array(9, 6)
+    gait: FloatArray = array(9, COEFFICIENTS)
     desired: FloatArray = array(9)
     desired_rates: FloatArray = array(9)
     accelerations: FloatArray = array(9)
@@ -177,11 +177,11 @@ def evaluate_gait(
     gait, stance = step.gait, timing.stance
     clearance = gain.clearance + step_up_height(slopes[0])
     _start_gait(gain, gait_in_stance(row, stance), timing.step_time, clearance, step)
-    basis = np.empty((6, 3))
+    basis = np.empty((COEFFICIENTS, 3))
     fill_basis(min(1.0, timing.phase), basis)
     for i in range(9):
         value = rate = acceleration = 0.0
-        for k in range(6):
+        for k in range(COEFFICIENTS):
             value += gait[i, k] * basis[k, 0]
             rate += gait[i, k] * basis[k, 1]
             acceleration += gait[i, k] * basis[k, 2]
@@ -208,7 +208,7 @@ def _start_gait(
     """
     gait = step.gait
     for i in range(9):
-        for k in range(6):
+        for k in range(COEFFICIENTS):
             gait[i, k] = library_gait[i, k]
         if i not in (ROLL, PITCH):
             gait[i, 0] = step.initial[i]
@@ -267,10 +267,10 @@ def _contact_angles(step: Step, contact_lead: float, rate: float) -> tuple[float
     gait = step.gait
     pitch, roll = gait[PITCH_SW, AT_END], gait[ROLL_SW, AT_END]
     if contact_lead > 0.0:
-        basis = np.empty((6, 3))
+        basis = np.empty((COEFFICIENTS, 3))
         fill_basis(1.0 - contact_lead * rate, basis)
         pitch = roll = 0.0
-        for k in range(6):
+        for k in range(COEFFICIENTS):
             pitch += gait[PITCH_SW, k] * basis[k, 0]
             roll += gait[ROLL_SW, k] * basis[k, 0]
     return pitch, roll

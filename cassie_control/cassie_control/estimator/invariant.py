@@ -17,14 +17,9 @@ from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array
 from cassie_gaits.vectors import Vector, cross, minus, times, turned
 from cassie_msgs.layout import RobotState, Sensors
 
-_R, _V, _P, _D = 0, 3, 6, 9
-_BG = _D + 2 * 3
-_BA = _BG + 3
+_R, _V, _P, _D, _, _BG, _BA, _SIZE = range(0, 24, 3)
 """Indices of the filter's errors, each of three coordinates: orientation, velocity, position, left
-and right contact, gyro and accelerometer bias."""
-
-_SIZE = _BA + 3
-"""Number of the filter's errors."""
+and right contact, gyro and accelerometer bias; and the number of all errors."""
 
 _VELOCITY, _POSITION, _CONTACTS = 0, 1, 2
 """Rows of `FilterState.vectors`; from `_CONTACTS` on the left and the right contact."""
@@ -639,8 +634,7 @@ def _vector_variance(P: FloatArray, vector: FloatArray, first: int, k: int) -> f
     return variance
 
 
-_HANGING_SPEED = 0.1  # m/s, of a robot in the harness
-_HANGING_CORRELATION_TIME = 0.5  # s, correlation time of this speed
+_HANGING_NOISE = 0.1**2  # (m/s)^2 s: 0.1 m/s in the harness, a correlation time of 0.5 s
 _REJECTED_ACCELEROMETER_NOISE = 0.6  # m/s^2/sqrt(Hz), of walking: 2 m/s^2 that last 0.05 s
 _REST_RATE = 0.3  # rad/s, of the fastest joint of a robot at rest
 _WALKING_DEVIATION = 1.0  # m/s, of the velocity by the legs at one sample, as after a touchdown
@@ -807,7 +801,7 @@ class InvariantEstimator(LegEstimator):
         noise.kinematics = c.kinematics_noise**2
         noise.tilt = c.tilt_error**2 * persistent
         noise.heading = c.heading_error**2 * persistent
-        noise.hanging_velocity = _HANGING_SPEED**2 * 2.0 * _HANGING_CORRELATION_TIME / period
+        noise.hanging_velocity = _HANGING_NOISE / period
         noise.slip_gate = c.slip_gate**2
         noise.slip_decay = math.exp(-period / c.slip_time)
         noise.attitude_delay = c.attitude_delay
