@@ -34,11 +34,11 @@ _UNSETTLE_TIME = 0.2  # s, in which gains return to those before settling
 _RISE_SETTLED = 0.9  # threshold of `Balance.settled` for a rise
 _RISE_VELOCITY = 0.016  # m of the capture point by its velocity: more than the robot's own motions
 _MAX_TICKS_BETWEEN = 1.5  # periods between estimates from which their difference is no rate
-_STANDING_BENDING_FROM = 0.75  # ratio of capture point to reach where bending begins
+_STANDING_BENDING_FROM = 0.75  # ratio of capture point to reach: at 0.35 robots with a load fell
 _BENDING_SPAN = 0.15  # further ratio at which bending is full
 _MAX_COM_ERROR = 0.08  # m, saturation of the CoM's error: 8 kg, 0.05 m ahead, shift it by 0.04 m
 _MAX_INNOVATION = 0.02  # m, saturation of the CoM's innovation, so that a push has little effect
-_INITIAL_BIAS_TIME = 0.7  # s, time constant of the CoM's error before settling
+_INITIAL_BIAS_TIME = 0.7  # s, of the CoM's error before settling; Segways stop worse at 0.5, 1 s
 _MAX_SIDE_FORCE = 0.5  # of the sideways force over the weight: less than a dry floor's friction
 _MIN_FOOT_DISTANCE = 0.1  # m, least distance sideways for which the loads are computed
 

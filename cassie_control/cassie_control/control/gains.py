@@ -59,7 +59,7 @@ class Gains(Record):
     kd: FloatArray = array(5)
 
 
-_MAX_SWING_LAG = 0.03  # m
+_MAX_SWING_LAG = 0.03  # m; in free swings the length lags by 0.01 m
 
 
 def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:

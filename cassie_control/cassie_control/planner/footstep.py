@@ -14,7 +14,7 @@ from cassie_control.planner.placement import Commanded, Placement
 from cassie_gaits.records import Records
 
 _MAX_OFFSET = 0.1  # m, saturation of the offset; steady walking needs up to 0.04 m
-_FORGETTING_RATIO = 2.5  # of forgetting to learning rate, for errors beyond `observer_error`
+_FORGETTING_RATIO = 2.5  # of forgetting to learning rate beyond `observer_error`, of 1 to 3 tried
 _MAP_ERROR = 0.3  # m/s, speed error in place that an offset of `_MAX_OFFSET` removes, by the map
 
 
