@@ -31,9 +31,6 @@ from cassie_msgs.schedule import effective_seq
 
 SampleT = TypeVar("SampleT", bound=Sample)
 
-BRIDGED = 0.02
-"""Time without samples that the estimator bridges. In s."""
-
 
 class Estimator(Protocol):
     """Interface of a state estimator."""

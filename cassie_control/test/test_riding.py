@@ -253,7 +253,7 @@ def test_a_speed_that_is_seen_tells_the_error_of_what_is_felt():
     rolling = Rolling()
     for _ in range(30 * 500):
         rolling.lean(lambda v: -0.015 + 0.04 * (2.0 - v), PERIOD)
-        rolling.filter.correct_by_speed(rolling.v, 0.1**2)
+        rolling.filter.correct_by_speed(rolling.v)
     assert rolling.filter.bias == pytest.approx(0.02, abs=0.01)
     assert rolling.filter.neutral == pytest.approx(-0.015, abs=0.002)
     rolling.lean(lambda v: -0.015 + 0.04 * (2.0 - v), 10.0)
@@ -265,7 +265,7 @@ def test_at_rest_a_lean_tells_nothing():
     still = VehicleSpeedFilter(PERIOD)
     for _ in range(5000):
         still.predict(0.0)
-        still.correct_by_speed(0.0, 0.1**2)
+        still.correct_by_speed(0.0)
         still.correct_by_lean(0.0, 0.03, 0.55)
     assert abs(still.neutral) < 1e-3
     assert abs(still.speed) < 1e-3

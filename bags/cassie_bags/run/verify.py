@@ -44,9 +44,8 @@ from cassie_bags.run.yaml_file import apply_changes, flat
 from cassie_control.config import ControllerConfig
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.estimator.choice import make_monitored
-from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.config import BRIDGED, EstimatorConfig
 from cassie_control.guarded import (
-    BRIDGED,
     GuardedController,
     GuardedEstimator,
     GuardedSupervisor,

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cassie_control.errors import ControlError
+from cassie_control.finite import LARGEST
 from cassie_gaits import robot
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import KD_LIMIT, KP_LIMIT
@@ -32,8 +33,6 @@ def clamp(values: FloatArray, low: FloatArray, high: FloatArray) -> int:
 MARGIN = math.radians(0.5)
 """Least distance of a set-point from its joint's stops. In rad."""
 
-_UNBOUNDED = 1e6  # Nm, rad/s: the motors bound torque and speed
-
 
 def stops() -> tuple[FloatArray, FloatArray]:
     """Lower and upper stop of each drive's joint.
@@ -54,9 +53,10 @@ def stops() -> tuple[FloatArray, FloatArray]:
 
 def _command_bounds() -> tuple[FloatArray, FloatArray]:
     low, high = stops()
-    unit = np.ones(10)
-    lower = (-_UNBOUNDED * unit, low + MARGIN, -_UNBOUNDED * unit, 0.0 * unit, 0.0 * unit)
-    upper = (_UNBOUNDED * unit, high - MARGIN, _UNBOUNDED * unit, KP_LIMIT * unit, KD_LIMIT * unit)
+    zero = np.zeros(len(low))
+    largest = zero + LARGEST  # the motors themselves bound torque and speed
+    lower = (-largest, low + MARGIN, -largest, zero, zero)
+    upper = (largest, high - MARGIN, largest, zero + KP_LIMIT, zero + KD_LIMIT)
     return np.concatenate(lower), np.concatenate(upper)
 
 
@@ -71,5 +71,6 @@ def limit(command: MotorCommand) -> None:
     """
     bad = clamp(command.floats, _LOW, _HIGH)
     if bad >= 0:
-        field = MotorCommand.LAYOUT[bad // 10][0]
-        raise ControlError(f"command {field}[{bad % 10}] is {command.floats[bad]}: not sent")
+        field, drive = divmod(bad, len(command.torque))
+        name = MotorCommand.LAYOUT[field][0]
+        raise ControlError(f"command {name}[{drive}] is {command.floats[bad]}: not sent")

@@ -9,11 +9,12 @@ from cassie_gaits import robot as model
 from cassie_gaits.compiled import compiled
 from cassie_gaits.leg import LegPair
 from cassie_gaits.names import HIP_PITCH, KNEE, LEG_DRIVE_COUNT, TARSUS
+from cassie_gaits.optimize.request import RANGES
 from cassie_gaits.records import FloatArray, Records
 
 _LOW_PASS_WEIGHT = 0.15  # of a new pair of steps
-_MAX_PAYLOAD = 30.0  # kg, saturation of the payload
-_CARRIED_MASS = 30.2  # kg, mean `lifting_force` over g without a payload; without the lower legs
+_MIN_PAYLOAD, _MAX_PAYLOAD = RANGES["payload"]  # kg, for which gaits can be requested
+_CARRIED_MASS = 30.2  # kg, mean `lifting_force` over g with no payload, 29.9 to 30.5; no lower legs
 
 
 @compiled
@@ -78,7 +79,8 @@ class Payload:
         if not 0 <= steps - self._stride_start < 2:
             if self._ticks and steps - self._stride_start == 2:
                 payload = self._force_sum / self._ticks / model.GRAVITY - _CARRIED_MASS
-                self.mass += _LOW_PASS_WEIGHT * (max(0.0, min(_MAX_PAYLOAD, payload)) - self.mass)
+                payload = max(_MIN_PAYLOAD, min(_MAX_PAYLOAD, payload))
+                self.mass += _LOW_PASS_WEIGHT * (payload - self.mass)
             self._force_sum, self._ticks, self._stride_start = 0.0, 0, steps
         self._force_sum += force
         self._ticks += 1

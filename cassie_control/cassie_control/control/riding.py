@@ -181,9 +181,7 @@ def _equilibrium_per_acceleration(readings: Readings) -> float:
 
 _STEADY_LEAN = 0.01  # m, distance of the CoM from its set-point beyond which a lean is transient
 _CONSTANT_VX_TIME = 5.0  # s of constant commanded speed, after which the vehicle has this speed
-_CONSTANT_VX_NOISE = 0.1**2  # (m/s)^2 s, density of its noise: the filter follows it within 5 s
 _REST_SPEED = 0.4  # m/s, speed up to which the vehicle may be at rest
-_REST_NOISE = 0.1**2  # (m/s)^2 s, density of the noise of a speed of 0
 _FULL_PRESSURE_ACCELERATION = 0.3  # m/s^2 along a lean, at which `press_more` is added in full
 _FULL_BACKWARD_SPEED = 0.8  # m/s backward, at which the sideways limit is the least
 _BACKWARD_LIMIT_RATIO = 0.25  # of the sideways limit there to `press_limit_y`
@@ -325,9 +323,9 @@ class RidingController:
         self._last_vx = vx
         if holds_speed:
             if vx == 0.0 and abs(vehicle.speed) < _REST_SPEED:
-                vehicle.correct_by_speed(0.0, _REST_NOISE)
+                vehicle.correct_by_speed(0.0)
         elif vx != 0.0 and self._constant_vx_time >= _CONSTANT_VX_TIME:
-            vehicle.correct_by_speed(vx, _CONSTANT_VX_NOISE)
+            vehicle.correct_by_speed(vx)
 
     def _lean_for_speed(self, readings: Readings, mode: Mode, set_points: Mode) -> None:
         """Set the lean in `set_points` that keeps the commanded speed and yaw rate."""

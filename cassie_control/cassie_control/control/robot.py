@@ -43,8 +43,9 @@ def _level_foot() -> tuple[float, float, float]:
 
 SOLE_HALF_LENGTH, SOLE_MIDDLE, TOE_JOINT_HEIGHT = _level_foot()
 
-MIN_PENDULUM_HEIGHT = 0.4
-"""Least height of the CoM above the stance toe joint in the laws of walking. In m."""
+MIN_LEVER = 0.4
+"""Least height or leg length by which a law divides, so that a low robot gets no large angles.
+In m."""
 
 MAX_LEG_LENGTH = 0.95
 """Longest leg that walking plans: a straighter knee hardly controls the leg's length. In m."""
@@ -208,7 +209,7 @@ _LOAD, _FORCE, _CONTACT, _JOINTS, _TOE_JOINT, _FOOT = (
 @compiled
 def pendulum_height(robot: Robot, stance: int) -> float:
     """Height of the CoM above a toe joint, as the length of a pendulum. In m."""
-    height: float = max(MIN_PENDULUM_HEIGHT, robot.com[2] - robot.toe_joint[stance, 2])
+    height: float = max(MIN_LEVER, robot.com[2] - robot.toe_joint[stance, 2])
     return height
 
 

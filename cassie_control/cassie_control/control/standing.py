@@ -16,6 +16,7 @@ from cassie_control.control.robot import (
     HIP_X,
     HIP_Y,
     MAX_COMMANDED_LENGTH,
+    MIN_LEVER,
     SOLE_MIDDLE,
     TOE_JOINT_HEIGHT,
     LegReadings,
@@ -134,7 +135,6 @@ class Rise:
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
 _MIN_LENGTH = 0.25  # m, shortest leg that is commanded
-_MIN_LEVER = 0.4  # m, least height and leg length that turn a distance into an angle
 _CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
@@ -234,7 +234,7 @@ class StandingController:
             self._landing = False
         balance = self._balance
         # The whole robot leans about the feet to shift the CoM sideways.
-        height = max(_MIN_LEVER, readings.height)
+        height = max(MIN_LEVER, readings.height)
         com_y = float(mode.com_y) - lean * height
         balance.step(readings, mode, com_y, self._contact, leans=lean != 0.0)
         roll = float(mode.roll) - com_y / height
@@ -296,7 +296,7 @@ class StandingController:
         length = min(MAX_COMMANDED_LENGTH, max(_MIN_LENGTH, length))
         hip_angles = self._hip_angles[i]
         self._release_hips(hip_angles, leg, contact)
-        air_pitch = self._air_foot_x(i, readings) / max(length, _MIN_LEVER)
+        air_pitch = self._air_foot_x(i, readings) / max(length, MIN_LEVER)
         knee = virtual_leg.knee_angle(length)
         command.position[drives] = (
             # A lifted leg keeps its angle in the world, to land where it left the ground.

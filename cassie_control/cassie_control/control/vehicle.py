@@ -78,6 +78,7 @@ _INITIAL_VARIANCES = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2, of
 _RANDOM_WALK = (0.02**2, 0.003**2, 0.0005**2)  # per second, of v, b, n; b follows the vertical
 _LEAN_NOISE = 0.15**2  # (m/s^2)^2 s: a differs from k (c - n) by 0.15 m/s^2, for half a second
 _SIDE_NOISE = 0.1**2  # (m/s^2)^2 s, noise density of the acceleration to a side
+_SPEED_NOISE = 0.1**2  # (m/s)^2 s, noise density of a known speed: followed within 5 s
 _ROLLING_SPEED = 0.2  # m/s, speed from which there is rolling resistance
 _ROLLING_RESISTANCE = 0.001  # m, f: CoM x that overcomes rolling resistance, besides its part in n
 _BAR_SPEED = 0.4  # m/s, u: speed by which the bar's push makes a turn look faster
@@ -150,9 +151,9 @@ class VehicleSpeedFilter:
         noise = _SIDE_NOISE + (_BAR_SPEED * rate) ** 2
         self._correct(rate, 0.0, 0.0, acceleration - _BAR_SPEED * rate, noise)
 
-    def correct_by_speed(self, speed: float, noise: float) -> None:
-        """Correct by a speed (m/s) with white noise of a density ((m/s)^2 s)."""
-        self._correct(1.0, 0.0, 0.0, speed, noise)
+    def correct_by_speed(self, speed: float) -> None:
+        """Correct by a speed (m/s) that the vehicle is known to have."""
+        self._correct(1.0, 0.0, 0.0, speed, _SPEED_NOISE)
 
     @property
     def resistance(self) -> float:

@@ -8,6 +8,9 @@ from cassie_msgs.tunables import tunable
 
 ESTIMATORS = ("invariant", "kinematic")
 
+BRIDGED = 0.02
+"""Time without samples, or without an estimate, over which the last estimate holds. In s."""
+
 ON_GROUND = 0.5
 """Contact probability from which a foot counts as on the ground; its force there is
 `EstimatorConfig.contact_force`."""

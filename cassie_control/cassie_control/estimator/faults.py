@@ -20,7 +20,7 @@ from cassie_control.estimator.acceleration import (
     predict_acceleration,
 )
 from cassie_control.estimator.base import LegEstimator, is_orientation, squared_norm
-from cassie_control.estimator.config import EstimatorConfig
+from cassie_control.estimator.config import BRIDGED, EstimatorConfig
 from cassie_control.estimator.pairs import (
     DRIVE_PAIRS,
     FIRST_IMU_AXIS,
@@ -470,13 +470,10 @@ def _bits(flags: BoolArray, first: int) -> int:
     return sum(1 << first + k for k in np.flatnonzero(flags).tolist())
 
 
-_MAX_GAP = 0.02  # s without an estimate, after which the last estimate is useless
-
-
 class MonitoredEstimator:
     """An estimator behind the sensor monitor.
 
-    The estimate begins anew after more than `_MAX_GAP` without one, and once the robot has come to
+    The estimate begins anew after more than `BRIDGED` without one, and once the robot has come to
     rest without power: after a fall or after it was lifted, attitude and height are off.
 
     Args:
@@ -486,7 +483,7 @@ class MonitoredEstimator:
 
     def __init__(self, core: LegEstimator, period: float) -> None:
         self.core = core
-        self._max_gap_samples = round(_MAX_GAP / period)
+        self._max_gap_samples = round(BRIDGED / period)
         self._samples_without_estimate = 0  # in a row
         self.starts = 0
         """How often the estimate has begun anew since the reset."""

@@ -17,7 +17,7 @@ from cassie_control.control.robot import (
     HIP_ROLL_X,
     HIP_Y,
     MAX_LEG_LENGTH,
-    MIN_PENDULUM_HEIGHT,
+    MIN_LEVER,
     Robot,
     aim_leg,
     pendulum_height,
@@ -371,7 +371,7 @@ def _pendulum_state(
     x, y = robot.com[0] - robot.toe_joint[stance, 0], robot.com[1] - robot.toe_joint[stance, 1]
     # Along a slope the CoM moves in a plane parallel to it, at this height above the foot.
     plane_height = robot.com[2] - robot.toe_joint[stance, 2] - slope.ahead * x - slope.left * y
-    plane_height = max(MIN_PENDULUM_HEIGHT, plane_height)
+    plane_height = max(MIN_LEVER, plane_height)
     # `momentum_velocity` is L / (m height above the foot), here v is that over the plane.
     scale = pendulum_height(robot, stance) / plane_height
     double_support = max(0.0, gains.double_support - timing.elapsed)

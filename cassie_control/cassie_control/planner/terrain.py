@@ -7,6 +7,7 @@ import math
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Robot
 from cassie_control.estimator import config as estimator_config
+from cassie_control.planner.timing import FOOT_RATE_TIME
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import HIP_PITCH, KNEE, SHIN, TARSUS, TOE
@@ -14,12 +15,11 @@ from cassie_gaits.records import FloatArray, Record, Records, array
 
 _FLAT_PHASE = 0.25  # phase from which the stance foot lies flat
 _MAX_SLOPE = 0.6  # saturation of the estimated slope
-_PITCH_RATE_TIME = 0.03  # s, time constant of the low-pass of the stance foot's pitch rate
 _PITCH_RATE_RAMP = (0.4, 0.8)  # rad/s of pitch rate: the foot rests below, turns above
 _TURN_UP_RAMP = (0.02, 0.04)  # rad of pitch since the foot lay flat: firm ground below, soft above
 _MAX_FOOTHOLD_HEIGHT = 0.1  # m, saturation of a foothold's height over the ground around it
 _REGULARIZATION = 0.1  # m: feet at this distance from each other count half for the slope
-_FORGETTING_FACTOR = 0.95  # of the regression's sums, per step
+_FORGETTING_FACTOR = 0.95  # of the regression's sums, per step: some 20 steps count
 _REGRESSION_PRIOR = 2e-4  # m^2, prior that the sole's slope is right: slope of 0.05 over 0.3 m
 _SINKAGE_STEPS = 3  # steps that must all go up; on uneven ground one of three does not
 _SINKAGE_DEAD_BAND = 0.01  # m, height of a step that counts as level
@@ -154,7 +154,7 @@ def update_in_stance(
     thigh_to_tarsus = q[KNEE] + q[SHIN] + q[TARSUS]  # with the springs' deflection
     pitch = virtual_leg.foot_pitch(robot.pitch, q[HIP_PITCH], q[TOE], thigh_to_tarsus)
     rate, slope.sole_pitch = (pitch - slope.sole_pitch) / slope.period, pitch
-    slope.sole_pitch_rate += slope.period / _PITCH_RATE_TIME * (rate - slope.sole_pitch_rate)
+    slope.sole_pitch_rate += slope.period / FOOT_RATE_TIME * (rate - slope.sole_pitch_rate)
     if phase < _FLAT_PHASE:
         slope.flat_pitch = pitch
     if robot.load[stance] < 1.0 or phase < _FLAT_PHASE:

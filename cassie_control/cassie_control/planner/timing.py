@@ -13,12 +13,13 @@ LEFT, RIGHT = 0, 1
 """Numbers of the legs."""
 
 
+FOOT_RATE_TIME = 0.03
+"""Time constant of the low-pass of a foot's motion that is a difference of two poses. In s."""
+
 _PHASE_RATE_TIME = 0.02  # s, time constant of the phase's rate
-_FIXED_RATE_PHASE = 0.9  # phase from which the step's time is not changed
-_FOOT_SPEED_TIME = 0.03  # s, time constant of the low-pass of the swing foot's vertical speed
-_MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical speed of the swing foot at which a step may end
+_FIXED_RATE_PHASE = 0.9  # phase beyond which the step's time is not changed, nor a step joined
+_MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical, to end a step: feet land at up to 0.9, come free at 3
 _WALKING_SPEED = 0.2  # m/s, from which the place of the centre of mass tells the phase
-_LAST_JOINED_PHASE = 0.9  # the phase that is joined at the latest: a step needs time to end
 _FULL_BACKWARD = 3.0  # s/m: laws for walking backward act in full from 1/3 m/s on
 
 
@@ -98,7 +99,7 @@ class StepTiming(Record):
         self.velocity[:] = velocity
         if abs(velocity[0]) > _WALKING_SPEED:
             phase = 0.5 + x / (velocity[0] * self.step_time)
-            self.phase = max(0.0, min(_LAST_JOINED_PHASE, phase))
+            self.phase = max(0.0, min(_FIXED_RATE_PHASE, phase))
             self.elapsed = self.phase * self.step_time
 
 
@@ -112,7 +113,7 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     stance, swing = timing.stance, 1 - timing.stance
     height = robot.foot[swing, 2] - robot.foot[stance, 2]
     speed = abs(height - timing.foot_height) / timing.period
-    timing.foot_speed += timing.period / _FOOT_SPEED_TIME * (speed - timing.foot_speed)
+    timing.foot_speed += timing.period / FOOT_RATE_TIME * (speed - timing.foot_speed)
     timing.foot_height = height
     timing.elapsed += timing.period
     timing.phase += timing.period * timing.rate
@@ -151,16 +152,15 @@ def adapt_phase_rate(timing: StepTiming, remaining: float) -> None:
 
 @compiled
 def end_step(timings: Records[StepTiming]) -> tuple[float, float]:
-    """Exchange stance and swing leg, and begin a step.
+    """Exchange stance and swing leg, and begin a step; called after `advance`.
 
     Returns:
         Mean velocity of the last two steps, or of the only one. In m/s.
     """
     timing = timings[0]
-    duration = max(timing.elapsed, 1e-6)
     for k in range(2):
         timing.mean_velocities[0, k] = timing.mean_velocities[1, k]
-        timing.mean_velocities[1, k] = timing.travel[k] / duration
+        timing.mean_velocities[1, k] = timing.travel[k] / timing.elapsed
         timing.travel[k] = 0.0
     timing.stance = 1 - timing.stance
     timing.foot_height, timing.foot_speed = -timing.foot_height, 0.0

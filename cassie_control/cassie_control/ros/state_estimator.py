@@ -7,8 +7,8 @@ import time
 from rclpy.node import Node
 
 from cassie_control.estimator.choice import make_monitored
-from cassie_control.estimator.config import EstimatorConfig
-from cassie_control.guarded import BRIDGED, GuardedEstimator
+from cassie_control.estimator.config import BRIDGED, EstimatorConfig
+from cassie_control.guarded import GuardedEstimator
 from cassie_control.ros.common import (
     LOOK_PERIOD,
     Conditions,

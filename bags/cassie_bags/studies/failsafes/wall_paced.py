@@ -20,8 +20,8 @@ from cassie_bags.studies.failsafes.participants import (
     UnsafeError,
 )
 from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
+from cassie_control.estimator.config import BRIDGED
 from cassie_control.guarded import (
-    BRIDGED,
     GuardedController,
     GuardedEstimator,
     GuardedSupervisor,
