@@ -132,7 +132,7 @@ def _predicted_stance_share(gain: Gains, timing: StepTiming) -> float:
     """
     elapsed = timing.phase / timing.rate + gain.latency
     remaining = (1.0 - timing.phase) / timing.rate - gain.latency
-    loading = min(1.0, max(0.0, elapsed / gain.handover))
+    loading = min(1.0, elapsed / gain.handover)
     unloading = min(1.0, max(0.0, 1.0 + remaining / gain.handover))
     share: float = loading * unloading
     return share

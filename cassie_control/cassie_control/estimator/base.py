@@ -219,8 +219,7 @@ def _update_foot_loads(body: Body, state: RobotState) -> None:
     for i in range(2):
         force = state.foot_force[i]
         state.foot_load[i] = max(0.0, min(1.0, (force - body.load_from) / body.load_span))
-        log_odds = (body.contact_force - force) / body.contact_width
-        log_odds = max(-_MAX_LOG_ODDS, min(_MAX_LOG_ODDS, log_odds))
+        log_odds = min(_MAX_LOG_ODDS, (body.contact_force - force) / body.contact_width)
         state.contact_probability[i] = 1.0 / (1.0 + math.exp(log_odds))
 
 

@@ -7,7 +7,7 @@ import math
 from cassie_control.config import WalkConfig
 from cassie_control.control.robot import Robot
 from cassie_control.estimator import config as estimator_config
-from cassie_control.planner.timing import FOOT_RATE_TIME
+from cassie_control.planner import timing
 from cassie_gaits import virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.names import HIP_PITCH, KNEE, SHIN, TARSUS, TOE
@@ -154,7 +154,7 @@ def update_in_stance(
     thigh_to_tarsus = q[KNEE] + q[SHIN] + q[TARSUS]  # with the springs' deflection
     pitch = virtual_leg.foot_pitch(robot.pitch, q[HIP_PITCH], q[TOE], thigh_to_tarsus)
     rate, slope.sole_pitch = (pitch - slope.sole_pitch) / slope.period, pitch
-    slope.sole_pitch_rate += slope.period / FOOT_RATE_TIME * (rate - slope.sole_pitch_rate)
+    slope.sole_pitch_rate += slope.period / timing.FOOT_RATE_TIME * (rate - slope.sole_pitch_rate)
     if phase < _FLAT_PHASE:
         slope.flat_pitch = pitch
     if robot.load[stance] < 1.0 or phase < _FLAT_PHASE:

@@ -16,7 +16,7 @@ LEFT, RIGHT = 0, 1
 FOOT_RATE_TIME = 0.03
 """Time constant of the low-pass of a foot's motion that is a difference of two poses. In s."""
 
-_PHASE_RATE_TIME = 0.02  # s, time constant of the phase's rate
+_PHASE_RATE_TIME = 0.02  # s, time constant of the phase's rate: at least the longest tick
 _FIXED_RATE_PHASE = 0.9  # phase beyond which the step's time is not changed, nor a step joined
 _MAX_TOUCHDOWN_SPEED = 1.5  # m/s, vertical, to end a step: feet land at up to 0.9, come free at 3
 _WALKING_SPEED = 0.2  # m/s, from which the place of the centre of mass tells the phase
@@ -147,7 +147,7 @@ def adapt_phase_rate(timing: StepTiming, remaining: float) -> None:
     if timing.phase > _FIXED_RATE_PHASE:
         return
     rate = (1.0 - timing.phase) / max(remaining, 1e-3)
-    timing.rate += min(1.0, timing.period / _PHASE_RATE_TIME) * (rate - timing.rate)
+    timing.rate += timing.period / _PHASE_RATE_TIME * (rate - timing.rate)
 
 
 @compiled

@@ -68,7 +68,7 @@ class Posture:
         vx, vy, _ = state.com_velocity.tolist()
         still = math.hypot(vx, vy) < config.still_speed
         self.still = self.still + period if still else 0.0
-        share = min(1.0, period / _STEP_TIME)
+        share = period / _STEP_TIME
         self.velocity = (
             self.velocity[0] + share * (vx - self.velocity[0]),
             self.velocity[1] + share * (vy - self.velocity[1]),
