@@ -8,6 +8,7 @@ from cassie_control.config import StandConfig, TransitionConfig
 from cassie_control.control.balance import BOTH_FEET, pendulum_time
 from cassie_control.control.robot import SOLE_HALF_LENGTH, Readings
 from cassie_control.control.standing import StandingController
+from cassie_control.estimator.config import CARRYING_RATIO
 from cassie_control.planner.timing import LEFT, RIGHT
 from cassie_gaits import virtual_leg
 from cassie_gaits.names import KNEE, LEG_DRIVE_COUNT, TOE_DRIVE
@@ -15,7 +16,6 @@ from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 _STANDING_MEMORY = 1.5  # s with little load on the feet, after which no recovery step may begin
-_MIN_STANDING_LOAD = 0.6  # share of the weight on the feet that counts as standing
 _MIN_STEP_LOAD = 0.4  # share of the weight on the feet below which the robot is in the air
 _REST_X = 0.06  # m, distance of capture point and feet's midpoint from which standing brings rest
 _REST_FOOT_DISTANCE = (0.2, 0.45)  # m, distance of the feet that standing takes over
@@ -133,7 +133,7 @@ class RecoveryStep:
         """
         left, right = readings.legs
         force = left.force + right.force
-        if force < _MIN_STANDING_LOAD * WEIGHT:
+        if force < CARRYING_RATIO * WEIGHT:
             self._standing_timer = max(0.0, self._standing_timer - self._period)
         elif min(left.contact, right.contact) > BOTH_FEET:
             self._standing_timer = _STANDING_MEMORY

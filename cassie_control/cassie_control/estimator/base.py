@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from cassie_control.errors import SensorError
+from cassie_control.estimator import config as estimator_config
 from cassie_control.estimator.config import EstimatorConfig
 from cassie_control.finite import LARGEST, check
 from cassie_gaits import robot
@@ -160,7 +161,6 @@ def _order_joints(sample: Sensors, joints: FloatArray, rates: FloatArray, body: 
 
 # Whether the feet alone carry the robot at this moment. `acceleration` asks whether the robot has
 # been on its feet for some steps: with the weight at rest, and a longer time constant.
-_CARRYING_RATIO = 0.6  # of the springs' force to the apparent weight: threshold
 _CARRYING_TIME = 0.05  # s, time constant of `Body.carrying_share`
 # `Body.force_scale_time` grows from the duration of a step, over which the error averages out.
 _FIRST_SCALE_TIME, _LAST_SCALE_TIME = 0.4, 6.0  # s
@@ -194,7 +194,7 @@ def _scale_forces(
     for k in range(3):
         apparent_weight += mass * up[k] * specific_force[k]
     # Else a gantry carries the robot, too.
-    carrying = 1.0 if spring_force > _CARRYING_RATIO * apparent_weight else 0.0
+    carrying = 1.0 if spring_force > estimator_config.CARRYING_RATIO * apparent_weight else 0.0
     body.carrying_share += period / _CARRYING_TIME * (carrying - body.carrying_share)
     if body.carrying_share > 0.5:
         body.force_scale_time = min(_LAST_SCALE_TIME, body.force_scale_time + period)

@@ -11,6 +11,9 @@ ESTIMATORS = ("invariant", "kinematic")
 BRIDGED = 0.02
 """Time without samples, or without an estimate, over which the last estimate holds. In s."""
 
+CARRYING_RATIO = 0.6
+"""Ratio of the feet's force to the weight from which the feet alone carry the robot, no gantry."""
+
 ON_GROUND = 0.5
 """Contact probability from which a foot counts as on the ground; its force there is
 `EstimatorConfig.contact_force`."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from rclpy.node import Node
 
-from cassie_control.config import ControllerConfig
+from cassie_control.config import ControllerConfig, LateGains
 from cassie_control.control.gait_controller import GaitController
 from cassie_control.guarded import GuardedController
 from cassie_control.learning.torque_table import load_for_library, path_for_library
@@ -44,8 +44,8 @@ from cassie_msgs.tunables import tunable
 
 _COMPILED = ("cassie_gaits", *(f"cassie_control.{x}" for x in ("control", "planner", "learning")))
 
-LATE = 0.01
-"""Latency of the drives above which /diagnostics reports it. In s."""
+LATE = LateGains.walking_from
+"""Latency of the drives above which /diagnostics reports it: walking's gains change there. In s."""
 
 
 @dataclass(frozen=True, kw_only=True)
