@@ -16,7 +16,7 @@ from cassie_gaits.gait_library import Gait
 from cassie_gaits.neighbours import far_apart, pairs, speeds_of
 from cassie_gaits.optimize.conflicts import Conflict, conflict
 from cassie_gaits.optimize.request import Request
-from cassie_gaits.optimize.solution import Outcome, Point, exchanged, point_of, solve
+from cassie_gaits.optimize.solution import NEAR, Outcome, Point, exchanged, point_of, solve
 
 LEAST_GAIN = 1e-4
 """Least part of its cost that a gait must save to take the place of another one."""
@@ -139,7 +139,7 @@ def improve(gaits: Mapping[Request, Gait], executor: Executor) -> Iterator[Resul
 
 def _solve_again(request: Request, near: Point, cost: float) -> Result:
     """A gait from a neighbour's point; none unless it is certified and costs less than `cost`."""
-    outcome = solve(request, near, patient=False)
+    outcome = solve(request, near, starts=(NEAR,), patient=False)
     if outcome.gait is None or not _saves(outcome.gait, cost):
         return Result(request, None, outcome, "costs no less")
     try:

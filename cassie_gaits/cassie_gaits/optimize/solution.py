@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -109,7 +110,13 @@ def prepare_newton(*, symmetric: bool) -> None:
     _torques().n_in()
 
 
-def solve(request: Request, near: Point | None = None, *, patient: bool = True) -> Outcome:
+def solve(
+    request: Request,
+    near: Point | None = None,
+    *,
+    starts: Sequence[NewtonStart] = (NEAR, FAR),
+    patient: bool = True,
+) -> Outcome:
     """Find a gait.
 
     The lean program is solved first. If its gait violates a constraint that the lean program omits,
@@ -118,15 +125,16 @@ def solve(request: Request, near: Point | None = None, *, patient: bool = True) 
     Args:
         request: The request.
         near: End point of a neighbour, or None to start from the constant guess.
+        starts: How Newton's method starts from the neighbour, in turn.
         patient: Whether IPOPT is used if Newton's method fails from the neighbour.
     """
     start = time.process_time()
     whole = problem(symmetric=request.symmetric, lean=False)
     lean = problem(symmetric=request.symmetric, lean=True)
-    point, status, iterations = _run(lean, request, near, patient)
+    point, status, iterations = _run(lean, request, near, starts, patient)
     x = point.unknowns
     if status == "Solve_Succeeded" and _violations(whole, request, x)[1].max() > LEEWAY:
-        again, status, more = _run(whole, request, Point(x), patient)
+        again, status, more = _run(whole, request, Point(x), starts, patient)
         x, iterations = again.unknowns, iterations + more
     judge = whole if status == "Solve_Succeeded" else lean
     cost, violations = _violations(judge, request, x)
@@ -196,7 +204,11 @@ def _for_all_steps(near: Point, program: Problem) -> Point:
 
 
 def _run(
-    program: Problem, request: Request, near: Point | None, patient: bool
+    program: Problem,
+    request: Request,
+    near: Point | None,
+    starts: Sequence[NewtonStart],
+    patient: bool,
 ) -> tuple[Point, str, int]:
     lower, upper = row_bounds(program, request)
     x_lower, x_upper = unknown_bounds(program, request)
@@ -209,7 +221,7 @@ def _run(
             np.array(parameters(request)),
             NEWTON_BARRIER,
         )
-        for how in (NEAR, FAR):
+        for how in starts:
             found = newton.run(near.unknowns, how.max_steps, how.bound_distance, how.barrier)
             tried += found.iterations
             if found.status == "Solve_Succeeded":
