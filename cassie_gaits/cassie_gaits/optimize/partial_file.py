@@ -1,7 +1,8 @@
 """Results of a run so far: one line of JSON per gait, so that a run that was killed can go on.
 
 The first line names the robot. Each other line has a request and its certified gait, or the reason
-why there is none. An incomplete last line is ignored.
+why there is none. Of two lines for a request the later one counts: a gait that was solved again. An
+incomplete last line is ignored.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`ros2 run cassie_gaits optimize_gaits`: find a library of gaits, certify it, write its file.
 
 Without speeds it finds the paper's seven gaits; several values of --lateral and --yaw-rate make a
-grid.
+grid. Gaits of a grid that are far from a neighbour are solved again from it.
 
 Exit status: 0 if every gait was found and certified (with --holes: all but that share) and the
 file is written; 1 if not, and the file is unchanged; 2 for an impossible request.
