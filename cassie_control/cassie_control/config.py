@@ -96,18 +96,11 @@ class StandConfig:
     bias_time: float = tunable(
         1.5, "s", 0.2, 20.0, "Time constant of the CoM's correction by the centre of pressure"
     )
-    leg_stiffness: float = tunable(
-        8000.0,
-        "N/m",
-        1000.0,
-        100000.0,
-        "Stiffness of a leg's springs, whose deflection by shifted weight is compensated",
-    )
     height_rate: float = tunable(0.5, "m/s", 0.01, 2.0, "Greatest rate of the pelvis height")
     height_acceleration: float = tunable(
         1.5, "m/s^2", 0.1, 10.0, "Greatest acceleration of the commanded pelvis height"
     )
-    height_integral: float = tunable(2.5, "1/s", 0.0, 10.0, "Leg length by integrated height error")
+    height_integral: float = tunable(1.0, "1/s", 0.0, 10.0, "Leg length by integrated height error")
     height_damping: float = tunable(
         0.05, "s", 0.0, 0.3, "Leg length by vertical speed, to damp the springs' oscillation"
     )
@@ -242,12 +235,9 @@ class JointGains:
 
 @dataclass(frozen=True, kw_only=True)
 class LateGains:
-    """Gains for drives that act late on commands, see `control.latency`."""
+    """Changes for drives that act late on commands, see `control.latency`."""
 
-    walking_from: float = tunable(0.01, "s", 0.0, 0.1, "Latency where walking's late gains begin")
-    standing_from: float = tunable(
-        0.02, "s", 0.0, 0.1, "Latency at which standing's late gains begin"
-    )
+    latency: float = tunable(0.01, "s", 0.0, 0.1, "Latency at which gains for late drives begin")
     latency_span: float = tunable(
         0.006, "s", 0.001, 0.1, "Increase of latency over which the gains change"
     )
@@ -255,24 +245,10 @@ class LateGains:
         0.06, "s", 0.01, 0.2, "Time in which the weight shifts from leg to leg, by the phase"
     )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
-    roll_length: float = tunable(0.3, "m/rad", 0.0, 10.0, "`stand.roll_length` with late drives")
-    roll_rate_length: float = tunable(
-        0.06, "m/(rad/s)", 0.0, 2.0, "`stand.roll_rate_length` with late drives"
-    )
 
-    def walking_share(self, latency: float) -> float:
-        """Share of these gains in those of walking at a latency (s), 0..1."""
-        return min(1.0, max(0.0, (latency - self.walking_from) / self.latency_span))
-
-    def standing(self, gains: StandConfig, latency: float) -> StandConfig:
-        """Gains of standing at a latency (s)."""
-        share = min(1.0, max(0.0, (latency - self.standing_from) / self.latency_span))
-        return replace(
-            gains,
-            roll_length=gains.roll_length + share * (self.roll_length - gains.roll_length),
-            roll_rate_length=gains.roll_rate_length
-            + share * (self.roll_rate_length - gains.roll_rate_length),
-        )
+    def share(self, latency: float) -> float:
+        """How far the gains are those for late drives at a latency (s), 0..1."""
+        return min(1.0, max(0.0, (latency - self.latency) / self.latency_span))
 
 
 @dataclass(frozen=True, kw_only=True)

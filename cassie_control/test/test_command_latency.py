@@ -112,10 +112,10 @@ def test_states_that_are_missing_begin_a_new_record():
 def test_gains_go_over_with_the_latency_and_not_below_it():
     late = CONFIG.late
     usual = make_gains(CONFIG, 0.002)
-    assert make_gains(CONFIG, 0.002, late.walking_from).records == usual.records
-    half = make_gains(CONFIG, 0.002, late.walking_from + 0.5 * late.latency_span)
+    assert make_gains(CONFIG, 0.002, late.latency).records == usual.records
+    half = make_gains(CONFIG, 0.002, late.latency + 0.5 * late.latency_span)
     assert half.thigh_rate == pytest.approx(0.5 * (CONFIG.thigh_rate + 1.0))
-    assert half.latency == late.walking_from + 0.5 * late.latency_span
+    assert half.latency == late.latency + 0.5 * late.latency_span
     whole = make_gains(CONFIG, 0.002, 0.05)
     assert whole.thigh_track == late.thigh_track
     assert whole.thigh_rate == 1.0

@@ -18,12 +18,14 @@ from robot_states import (
 )
 
 from cassie_control.config import SegwayConfig, StandConfig
+from cassie_control.control.compliance import compliance
 from cassie_control.control.riding import (
     MovingBalance,
     RidingController,
     VehicleSpeedFilter,
     VerticalFilter,
 )
+from cassie_control.control.robot import HIP_DOWN, TOE_JOINT_HEIGHT
 from cassie_gaits.robot import WEIGHT
 from cassie_msgs.layout import MotorCommand
 
@@ -200,7 +202,7 @@ def test_where_bumps_come_fast_legs_differ_until_one_foot_carries_it(higher):
     x, y, z = right.toe_joint
     readings.legs = (replace(left, toe_joint=(x, -y, z + higher)), right)
     balance.left_share = 0.7
-    weight = 2.0 * WEIGHT / STAND.leg_stiffness
+    weight = 2.0 * WEIGHT * compliance(readings.height - HIP_DOWN - TOE_JOINT_HEIGHT)
     bounds = {1.0: 0.7 * weight, 0.01: 0.01, -0.01: -0.01, -1.0: -0.3 * weight}
     for wanted, permitted in bounds.items():
         for speed, expected in ((4.0, permitted), (-4.0, permitted), (2.0, wanted)):

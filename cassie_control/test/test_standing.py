@@ -18,16 +18,16 @@ from robot_states import (
 )
 
 from cassie_control.config import StandConfig
+from cassie_control.control import standing
 from cassie_control.control.balance import Balance
+from cassie_control.control.compliance import compliance
 from cassie_control.control.robot import HIP_DOWN, TOE_JOINT_HEIGHT
 from cassie_control.control.standing import StandingController
 from cassie_gaits import virtual_leg
-from cassie_gaits.robot import DRIVES, WEIGHT
+from cassie_gaits.robot import DRIVES, GRAVITY, WEIGHT
 from cassie_msgs.layout import MotorCommand
 
 CONFIG = StandConfig()
-RIGID = replace(CONFIG, leg_stiffness=1e15)
-"""Legs that need not be longer for the weight they get."""
 PERIOD = 0.002
 TOES, KNEES, HIP_ROLLS = [4, 9], [3, 8], [0, 5]
 
@@ -53,6 +53,12 @@ def both_feet(com_x=None, **kwargs):
 
 def lengths(command):
     return [virtual_leg.length(knee) for knee in command.position[KNEES]]
+
+
+@pytest.fixture
+def rigid(monkeypatch):
+    """Legs that need not be longer for the weight they get."""
+    monkeypatch.setattr(standing, "compliance", lambda length: 0.0)
 
 
 def test_toes_push_the_com_back():
@@ -107,42 +113,72 @@ def test_the_weight_on_both_legs_adds_up():
 
 
 @pytest.mark.parametrize(("roll", "longer"), [(0.05, 1), (-0.05, 0)])
+@pytest.mark.usefixtures("rigid")
 def test_the_leg_of_the_lower_side_extends(roll, longer):
-    both = lengths(stood(both_feet(roll=roll), config=RIGID))
+    both = lengths(stood(both_feet(roll=roll)))
     assert both[longer] - both[1 - longer] == pytest.approx(CONFIG.roll_length * 0.05, rel=1e-6)
 
 
+@pytest.mark.usefixtures("rigid")
 def test_the_leg_of_a_lifted_foot_does_not_shorten():
     state = both_feet(roll=-0.1, forces=(WEIGHT, 0.0))
-    lifted = stood(state, ticks=300, config=RIGID)
+    lifted = stood(state, ticks=300)
     assert np.diff(lengths(lifted)) == pytest.approx(0.0, abs=1e-3)
-    lean = lengths(stood(both_feet(), lean=-0.08, config=RIGID))
+    lean = lengths(stood(both_feet(), lean=-0.08))
     assert lean[1] - lean[0] == pytest.approx(CONFIG.roll_length * 0.08, rel=1e-6)
 
 
-def test_the_leg_that_gets_more_weight_is_told_to_be_longer():
+def test_the_leg_that_gets_more_weight_is_told_to_be_longer(monkeypatch):
     moving = both_feet(velocity=(0.0, 0.05))
     left, right = lengths(stood(moving))
-    stiff_left, stiff_right = lengths(stood(moving, config=RIGID))
-    assert left - stiff_left == pytest.approx(stiff_right - right, rel=1e-6)
-    assert 0.001 < left - stiff_left < 0.5 * WEIGHT / CONFIG.leg_stiffness
+    monkeypatch.setattr(standing, "compliance", lambda length: 0.0)
+    stiff_left, stiff_right = lengths(stood(moving))
+    by_share = 0.5 * ((left - right) - (stiff_left - stiff_right))
+    assert 0.001 < by_share < 0.5 * WEIGHT * compliance(0.8)
 
 
 @pytest.mark.parametrize(("height", "sign"), [(0.5, 1.0), (1.2, -1.0)])
 def test_the_sum_of_the_height_error_is_bounded(height, sign):
     mode = mode_of(height=0.8)
     level = 0.8 - HIP_DOWN - TOE_JOINT_HEIGHT
+    level += 0.5 * WEIGHT * compliance(level)
     much_later = np.mean(lengths(stood(both_feet(height=height), mode, ticks=20000)))
     assert much_later == pytest.approx(level + sign * 0.08, abs=2e-3)
 
 
 def test_loaded_legs_keep_their_length_at_first():
-    """After walking they are longer than the height asks for, by what the springs take."""
+    """But for what the springs take as the legs speed up."""
     own = virtual_leg.length(leg_joints()[3])
-    for height in (own + 0.12, own + 0.19):
-        assert np.mean(lengths(stood(both_feet(), mode_of(height=height)))) == pytest.approx(
-            own, abs=1e-3
-        )
+    loaded = own
+    for _ in range(10):
+        loaded = own - 0.5 * WEIGHT * compliance(loaded)
+    present = loaded + HIP_DOWN + TOE_JOINT_HEIGHT
+    acceleration = CONFIG.height_acceleration / GRAVITY * 0.5 * WEIGHT * compliance(own)
+    for rise, more in ((0.03, acceleration), (-0.04, -acceleration)):
+        length = np.mean(lengths(stood(both_feet(), mode_of(height=present + rise))))
+        assert length == pytest.approx(own + more, abs=1e-3)
+
+
+def test_moving_legs_are_fed_forward():
+    """Knees are told their rate, and the force is less while it speeds up and more as it brakes."""
+    config = replace(CONFIG, height_integral=0.0, height_damping=0.0)
+    controller, command = StandingController(Balance(config, PERIOD), PERIOD), MotorCommand()
+    readings = readings_of(both_feet(height=0.9))
+    controller.start(readings)
+    knees, rates, torques = [], [], []
+    for _ in range(1000):
+        controller.step(readings, mode_of(height=0.8), command, 0.0)
+        knees.append(command.position[KNEES[0]])
+        rates.append(command.velocity[KNEES[0]])
+        torques.append(command.torque[KNEES[0]])
+    moved = np.diff(knees) / PERIOD
+    assert np.abs(moved).max() > 0.5
+    # The springs get shorter, too, and at once where the acceleration changes.
+    assert np.quantile(np.abs(moved - rates[1:]), 0.98) < 0.1 * np.abs(rates).max()
+    assert rates[-1] == 0.0
+    more = np.quantile(np.array(torques) / torques[-1] - 1.0, (0.05, 0.95))
+    expected = CONFIG.height_acceleration / GRAVITY
+    assert more == pytest.approx((-expected, expected), rel=0.05)
 
 
 def test_legs_give_way_to_the_bounce_of_the_springs():
@@ -176,7 +212,8 @@ def test_the_legs_move_smoothly_to_whatever_height(height):
     rate = np.diff(found) / PERIOD
     assert np.abs(rate).max() <= CONFIG.height_rate * 1.01
     assert np.abs(np.diff(rate)).max() <= CONFIG.height_acceleration * PERIOD * 1.5
-    assert found[-1] == pytest.approx(height - HIP_DOWN - TOE_JOINT_HEIGHT, abs=1e-6)
+    length = height - HIP_DOWN - TOE_JOINT_HEIGHT
+    assert found[-1] == pytest.approx(length + 0.5 * WEIGHT * compliance(length), abs=1e-6)
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])

@@ -24,6 +24,19 @@ def stood(height: float, duration: float, **scenario) -> Robot:
     return robot
 
 
+@pytest.mark.parametrize("height", [0.45, 0.75])
+@pytest.mark.parametrize("seed", [2, 104])
+def test_a_crouch_neither_overshoots_nor_swings(height, seed):
+    """Springs whose deflection was left to the integral let the pelvis sink by 4 to 6 cm more."""
+    robot = stood(0.9, 5.0, draw=vars(Draw.from_seed(seed)), **LET_DOWN)
+    before = len(robot.moments)
+    robot.ask(height=height)
+    robot.run(4.0)
+    heights = np.array([m.position[2] for m in robot.moments[before:]])
+    assert heights.min() > height - 0.012
+    assert np.ptp(heights[round(1.5 / PERIOD) :]) < 0.015
+
+
 @pytest.mark.parametrize("force", [(100.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 180.0, 0.0)])
 def test_pushes_are_stood_without_a_step(force):
     robot = stood(0.9, 7.0, pushes=[{"t": 4.0, "duration": 0.1, "force": force}])

@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cassie_gaits import robot
+from cassie_gaits import robot, virtual_leg
 from cassie_gaits.compiled import compiled
 from cassie_gaits.linkage import (
     HeelLoop,
@@ -102,6 +102,8 @@ UPRIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 """Axes of the pelvis."""
 
 ZERO = (0.0, 0.0, 0.0)
+
+_ITERATIONS = 25  # of `bent_leg`, each of which leaves at most 0.6 of the error
 
 
 @compiled
@@ -268,6 +270,47 @@ def spring_force(leg: Leg, state: LegState, toe_torque: float, up: VectorLike) -
     x = (bb * shin - ab * tarsus) / determinant
     y = (aa * tarsus - ab * shin) / determinant
     return plus(times(x, by_shin), times(y, by_tarsus))
+
+
+def bent_leg(length: float, force: float) -> FloatArray:
+    """Joints of a leg that a force presses to a length: the inverse of `spring_force`.
+
+    Args:
+        length: Distance from hip pitch axis to toe joint. In m.
+        force: Ground force at the toe joint, towards the hip. In N.
+
+    Returns:
+        Knee, shin and tarsus at which the springs balance the force and the weight of the leg
+        below them, with a free toe drive; the other joints are 0. Shape (7,), in rad.
+    """
+    pair = LegPair()
+    leg, state = pair.legs[0], pair.states[0]
+    joints, still = np.zeros(7), np.zeros(7)
+    rigid, shin, tarsus = length, 0.0, 0.0
+    for _ in range(_ITERATIONS):
+        knee = virtual_leg.knee_angle(rigid)
+        joints[3:6] = knee, shin, robot.NEUTRAL_TARSUS - knee + tarsus
+        leg_kinematics(joints, still, leg, pair.loop, state)
+        towards_hip = state.origins[2] - state.toe_joint
+        present = math.sqrt(dot(towards_hip, towards_hip))
+        rigid += length - present
+        up = towards_hip / present
+        by_shin, by_tarsus = state.heel_gradient
+        on_shin, on_tarsus = (
+            force * dot(up, state.toe_jacobian[:, joint])
+            - robot.GRAVITY * dot(up, state.lower_leg[joint - 4])
+            for joint in (4, 5)
+        )
+        heel = on_tarsus / by_tarsus
+        shin = (on_shin - heel * by_shin) / leg.shin_stiffness
+        bend = heel / leg.heel_stiffness - state.springs[1]
+        tarsus += (bend - by_shin * (shin - joints[4])) / by_tarsus
+    return joints
+
+
+def leg_shortening(length: float, force: float) -> float:
+    """How much longer a leg would be without its springs' deflection; see `bent_leg`. In m."""
+    return virtual_leg.length(float(bent_leg(length, force)[3])) - length
 
 
 @compiled

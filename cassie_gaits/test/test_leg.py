@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from cassie_gaits import robot
+from cassie_gaits import robot, virtual_leg
 from cassie_gaits.dynamics import Dynamics
-from cassie_gaits.leg import LegPair, both_legs, spring_force
+from cassie_gaits.leg import LegPair, bent_leg, both_legs, leg_shortening, spring_force
 from cassie_gaits.linkage import heel_angle_and_slopes
 from cassie_gaits.names import COORDINATES, LEGS
 
@@ -143,3 +143,25 @@ def test_the_force_against_gravity_is_that_of_each_leg():
     for i in range(2):
         force = np.dot(up, force_of(pair, i, torques[i], up))
         assert pair.forces[i] == pytest.approx(force, abs=1e-9)
+
+
+@pytest.mark.parametrize("force", [0.0, 160.0, 320.0])
+@pytest.mark.parametrize("length", [0.3, 0.5, 0.75, 0.95])
+def test_springs_of_a_leg_that_a_force_shortens_show_that_force(length, force):
+    shortening = leg_shortening(length, force)
+    joints = bent_leg(length, force)
+    pair = pair_at(joints)
+    state = pair.states[0]
+    along = state["origins"][2] - state["toe_joint"]
+    assert np.linalg.norm(along) == pytest.approx(length, abs=1e-6)
+    assert virtual_leg.length(joints[3]) == pytest.approx(length + shortening, abs=1e-9)
+    up = along / length
+    in_plane = force * up * (1.0, 0.0, 1.0)  # the toe joint is 5 mm beside it
+    np.testing.assert_allclose(force_on("left", joints, up=up), in_plane, atol=0.3)
+
+
+def test_the_springs_shorten_a_bent_leg_more():
+    shortening = [leg_shortening(length, 160.0) for length in np.linspace(0.3, 0.95, 12)]
+    assert (np.diff(shortening) < 0.0).all()
+    assert 0.009 < shortening[-1] < 0.01
+    assert 0.06 < shortening[0] < 0.065

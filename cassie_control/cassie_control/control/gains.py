@@ -91,7 +91,7 @@ def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains
 
 def _set_late_gains(result: Gains, config: WalkConfig, latency: float) -> None:
     """Change the gains to those for drives that act late."""
-    late, share = config.late, config.late.walking_share(latency)
+    late, share = config.late, config.late.share(latency)
     if share == 0.0:
         return
     result.latency, result.handover = latency, late.handover

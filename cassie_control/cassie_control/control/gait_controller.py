@@ -135,6 +135,7 @@ class GaitController:
         """Use new gains at once."""
         self.config = config
         self._set_latency(self.latency.latency)
+        self.standing.config = config.stand
         self.riding.configure(config.segway, config.stand)
         self.walking.configure(config.walk)
         self.learning.configure(config)
@@ -163,7 +164,7 @@ class GaitController:
     def _set_latency(self, latency: float) -> None:
         """Use gains for a latency (s) of the drives."""
         self.walking.set_latency(latency)
-        self.standing.config = self.config.walk.late.standing(self.config.stand, latency)
+        self.standing.lateness = self.config.walk.late.share(latency)
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
         """Set-points for one tick.

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 from cassie_control.config import SegwayConfig, StandConfig
 from cassie_control.control.balance import MIN_COM_HEIGHT, Balance, bending_ramp
-from cassie_control.control.robot import Readings
+from cassie_control.control.compliance import compliance
+from cassie_control.control.robot import HIP_DOWN, TOE_JOINT_HEIGHT, Readings
 from cassie_control.control.standing import StandingController
 from cassie_control.control.vehicle import VehicleSpeedFilter, VerticalFilter
 from cassie_gaits.robot import GRAVITY, SOLE_RADIUS, WEIGHT
@@ -76,12 +77,12 @@ class MovingBalance(Balance):
     def bounded_difference(self, readings: Readings, difference: float) -> float:
         """Leg length difference that takes the load off no foot when bumps come fast.
 
-        With d the difference and d0 that of the legs as they stand, springs bent, the left foot is
-        to carry the share
+        With d the difference, d0 that of the legs as they stand, springs bent, and C their
+        `compliance`, the left foot is to carry the share
 
-            left_share - leg_stiffness (d - d0) / (2 W)
+            left_share - (d - d0) / (2 W C)
 
-        of the weight, which is kept within 0..1. Below `_SLOW_SPEED` d is not bounded: a leg that
+        of the weight W, which is kept within 0..1. Below `_SLOW_SPEED` d is not bounded: a leg that
         pushes by more than the weight for a moment helps in turns and after pushes.
 
         Args:
@@ -90,7 +91,8 @@ class MovingBalance(Balance):
         """
         (_, left_y, left_z), (_, right_y, right_z) = (leg.toe_joint for leg in readings.legs)
         present = left_z - right_z - readings.roll * (left_y - right_y)
-        share, per_share = self.left_share, 2.0 * WEIGHT / self.config.leg_stiffness
+        length = readings.height - HIP_DOWN - TOE_JOINT_HEIGHT
+        share, per_share = self.left_share, 2.0 * WEIGHT * compliance(length)
         low, high = present - (1.0 - share) * per_share, present + share * per_share
         return self._by_speed(difference, max(low, min(high, difference)))
 

@@ -10,6 +10,7 @@ import math
 
 from cassie_control.config import StandConfig
 from cassie_control.control.balance import BOTH_FEET, HANGING_CONTACT, STANDING_CONTACT, Balance
+from cassie_control.control.compliance import MIN_LENGTH, compliance
 from cassie_control.control.forces import holding_torques
 from cassie_control.control.robot import (
     HIP_DOWN,
@@ -134,7 +135,6 @@ class Rise:
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
-_MIN_LENGTH = 0.25  # m, shortest leg that is commanded
 _CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
@@ -154,13 +154,24 @@ class StandingController:
         hip pitch              = torso pitch regulated through both hips, and the toe torque, which
                                  the leg transmits to the torso,
         hip roll, hip yaw      = held at the angle with which the foot took load,
-        mean leg length        = height, plus the integrated height error,
+        mean leg length        = height, the springs' deflection, and the integrated height error,
         leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
 
-    The ground's forces are fed forward through the leg Jacobians. The commanded length of a leg
-    includes the deflection of its springs under its share of the weight. The height follows its
-    set-point with bounded rate and acceleration; a push forward adds `Rise`. `height_damping` damps
-    the oscillation of the leaf springs. A foot that a push has lifted stays beside the other one.
+    The ground's forces are fed forward through the leg Jacobians. The height follows its set-point
+    with bounded rate and acceleration; a push forward adds `Rise`. With z the height that results,
+    l = z - z0 the length of the legs with bent springs, C their `compliance`, s_i the share of leg
+    i, s the lateness and W the weight, a leg is commanded
+
+        force   F_i = s_i W (1 + z'' / g),
+        length  l + C W ((1 + z'' / g) / 2 + (1 - s) (s_i - 1/2)) + integral - height_damping z'
+                  +- half of the difference,
+        rate    z'.
+
+    Late set-points leave the springs' deflection by a shift of the weight out: with it they would
+    ring. A foot that a push has lifted stays beside the other one.
+
+    Attributes:
+        lateness: How far the drives act late, 0..1 (`LateGains.share`).
 
     Args:
         balance: Balance law, with the gains.
@@ -172,6 +183,7 @@ class StandingController:
     """
 
     def __init__(self, balance: Balance, period: float) -> None:
+        self.lateness = 0.0
         self._period = period
         self._balance = balance
         self._rise = Rise(period)
@@ -208,7 +220,10 @@ class StandingController:
         `com_error` is kept.
         """
         length = 0.5 * sum(virtual_leg.length(leg.joints[KNEE]) for leg in readings.legs)
-        self._height = (length + HIP_DOWN + TOE_JOINT_HEIGHT, 0.0)
+        loaded = length
+        for _ in range(3):
+            loaded = length - 0.5 * WEIGHT * compliance(loaded)
+        self._height = (loaded + HIP_DOWN + TOE_JOINT_HEIGHT, 0.0)
         self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
@@ -245,8 +260,7 @@ class StandingController:
             + self.config.roll_rate_length * readings.roll_rate
             - balance.lean_length * roll,
         )
-        length = self._mean_length(readings, float(mode.height), both)
-        self._weight = WEIGHT * (1.0 + self._rise.acceleration / GRAVITY)
+        length, rate = self._mean_length(readings, float(mode.height), both)
         for i, leg in enumerate(readings.legs):
             share = balance.left_share if i == 0 else 1.0 - balance.left_share
             other = self._contact[1 - i]
@@ -255,26 +269,37 @@ class StandingController:
                 leg,
                 readings,
                 command,
-                length - 0.5 * leg.side * difference,
+                (length - 0.5 * leg.side * difference, rate),
                 self._contact[i] * (1.0 - other * (1.0 - share)),
                 mode,
             )
 
-    def _mean_length(self, readings: Readings, height: float, both: float) -> float:
-        """Leg length for the pelvis height, in m; `both` is the smaller contact, 0..1."""
+    def _mean_length(self, readings: Readings, height: float, both: float) -> tuple[float, float]:
+        """Mean length of the legs and its rate, in m and m/s; sets the force that they bear.
+
+        Args:
+            readings: The robot now.
+            height: Commanded pelvis height. In m.
+            both: The smaller contact, 0..1.
+        """
         c = self.config
+        before = self._height[1]
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
+        acceleration = both * (rate - before) / self._period
         self._rise.step(c, height, self._balance.rise_helps, both > BOTH_FEET)
         height, rate = height + self._rise.height, rate + self._rise.rate
+        self._weight = WEIGHT * (1.0 + (acceleration + self._rise.acceleration) / GRAVITY)
         if both > BOTH_FEET:
             error = height - readings.height
             integral = self._height_integral + c.height_integral * self._period * error
             integral = max(-_MAX_HEIGHT_INTEGRAL, min(_MAX_HEIGHT_INTEGRAL, integral))
             self._height_integral = integral
         bounce = both * c.height_damping * (readings.velocity[2] - rate)
-        return height - HIP_DOWN - TOE_JOINT_HEIGHT + self._height_integral - bounce
+        length = height - HIP_DOWN - TOE_JOINT_HEIGHT
+        length += 0.5 * self._weight * compliance(length)
+        return length + self._height_integral - bounce, both * rate
 
     def _set_leg(
         self,
@@ -282,18 +307,30 @@ class StandingController:
         leg: LegReadings,
         readings: Readings,
         command: MotorCommand,
-        length: float,
+        motion: tuple[float, float],
         share: float,
         mode: Mode,
     ) -> None:
-        """Set-points of leg `i`, which is `length` m long and carries `share` of the weight."""
+        """Set-points of leg `i`, which bears `share` of the weight.
+
+        Args:
+            i: 0 for the left leg, 1 for the right.
+            leg: The leg now.
+            readings: The robot now.
+            command: Result.
+            motion: Length and its rate. In m and m/s.
+            share: Share of the weight, 0..1.
+            mode: Set-points for roll and pitch.
+        """
         c, balance = self.config, self._balance
         drives = slice(LEG_DRIVE_COUNT * i, LEG_DRIVE_COUNT * (i + 1))
         contact = self._contact[i]
         air = 1.0 - contact
         _, roll_regulation = balance.torso_regulation
-        length += contact * (share - 0.5) * WEIGHT / c.leg_stiffness
-        length = min(MAX_COMMANDED_LENGTH, max(_MIN_LENGTH, length))
+        length, rate = motion
+        shifted = contact * (share - 0.5) * WEIGHT
+        length += (1.0 - self.lateness) * shifted * compliance(length)
+        length = min(MAX_COMMANDED_LENGTH, max(MIN_LENGTH, length))
         hip_angles = self._hip_angles[i]
         self._release_hips(hip_angles, leg, contact)
         air_pitch = self._air_foot_x(i, readings) / max(length, MIN_LEVER)
@@ -309,7 +346,8 @@ class StandingController:
             knee,
             virtual_leg.toe_angle(0.0, readings.pitch, leg.joints[HIP_PITCH]),
         )
-        command.velocity[drives] = 0.0
+        knee_rate = virtual_leg.knee_rate(knee, length, rate)
+        command.velocity[drives] = (0.0, 0.0, 0.0, knee_rate, 0.0)
         kp_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
         kp_roll, kp_pitch = kp_roll * (air + contact * roll_regulation), c.kp_hip_pitch * air
         kd_pitch = c.kd_hip_pitch * air + c.kd_leg_pitch * contact

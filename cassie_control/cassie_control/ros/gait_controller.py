@@ -44,8 +44,8 @@ from cassie_msgs.tunables import tunable
 
 _COMPILED = ("cassie_gaits", *(f"cassie_control.{x}" for x in ("control", "planner", "learning")))
 
-LATE = LateGains.walking_from
-"""Latency of the drives above which /diagnostics reports it: walking's gains change there. In s."""
+LATE = LateGains.latency
+"""Latency of the drives above which /diagnostics reports it: gains change there. In s."""
 
 
 @dataclass(frozen=True, kw_only=True)
