@@ -21,6 +21,7 @@ from cassie_msgs.layout import Mode, MotorCommand
 
 _SLOW_SPEED = 2.0  # m/s, largest speed of the usual gains; 1 m/s faster those for fast bumps hold
 _MAX_ACCELERATION = 2.5  # m/s^2, saturation of the ground's estimated acceleration
+_DOUBT = 2.0  # standard deviations by which the estimated speed may be off
 _BENDING_FROM = 0.35  # ratio of capture point to reach: sooner than on fixed ground
 
 
@@ -398,10 +399,13 @@ class RidingController:
         return com_y.within(-corner, corner)
 
     def _speed_range(self) -> Interval:
-        """Range of com_x in which an operator's lean does not increase a speed too high."""
-        c, speed = self.config, self.vehicle.speed
-        high = self.vehicle.neutral + c.kp_speed * (c.top_speed - speed)
-        low = self.vehicle.neutral + c.kp_speed * (-c.back_speed - speed)
+        """Range of com_x in which an operator's lean does not increase a speed too high.
+
+        The speed counts as far as it is certain: who sees that it rolls forward may brake.
+        """
+        c, speed, doubt = self.config, self.vehicle.speed, _DOUBT * self.vehicle.deviation
+        high = self.vehicle.neutral + c.kp_speed * (c.top_speed - (speed - doubt))
+        low = self.vehicle.neutral + c.kp_speed * (-c.back_speed - (speed + doubt))
         return Interval(min(0.0, low), max(0.0, high))
 
     def _lean_weight(self, readings: Readings) -> float:

@@ -156,6 +156,11 @@ class VehicleSpeedFilter:
         self._correct(1.0, 0.0, 0.0, speed, _SPEED_NOISE)
 
     @property
+    def deviation(self) -> float:
+        """Standard deviation of the speed. In m/s."""
+        return math.sqrt(max(0.0, self._var_v))
+
+    @property
     def resistance(self) -> float:
         """f s: CoM x that overcomes the rolling resistance, smooth in the speed. In m."""
         return _ROLLING_RESISTANCE * (self.speed / math.hypot(self.speed, _ROLLING_SPEED))
