@@ -121,7 +121,7 @@ def test_leant_back_and_to_a_side_until_it_rolls_backward_it_is_not_thrown_off()
     robot.ask(com_x=0.06)
     robot.run(2.0)
     robot.ask(com_x=-0.095, com_y=0.095)
-    robot.run(10.0)
+    robot.run(12.0)
     assert _forward(robot) < -0.1
     assert not robot.fallen
     assert max(abs(moment.angles[2]) for moment in robot.moments) < 0.25
