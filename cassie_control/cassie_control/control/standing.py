@@ -159,11 +159,11 @@ class StandingController:
 
     The ground's forces are fed forward through the leg Jacobians. The height follows its set-point
     with bounded rate and acceleration; a push forward adds `Rise`. With z the height that results,
-    l = z - z0 the length of the legs with bent springs, C their `compliance`, s_i the share of leg
-    i, s the lateness and W the weight, a leg is commanded
+    l = z - z0 the length of the legs with bent springs, C their `compliance`, W the weight, s_i the
+    share of leg i, v_z the vertical velocity and e = 1 - lateness, a leg is commanded
 
         force   F_i = s_i W (1 + z'' / g),
-        length  l + C W ((1 + z'' / g) / 2 + (1 - s) (s_i - 1/2)) + integral - height_damping z'
+        length  l + C W ((1 + z'' / g) / 2 + e (s_i - 1/2)) + integral + height_damping (z' - v_z)
                   +- half of the difference,
         rate    z'.
 
@@ -183,6 +183,7 @@ class StandingController:
     """
 
     def __init__(self, balance: Balance, period: float) -> None:
+        compliance(MIN_LENGTH)  # takes 40 ms the first time
         self.lateness = 0.0
         self._period = period
         self._balance = balance
