@@ -147,16 +147,11 @@ def test_the_sum_of_the_height_error_is_bounded(height, sign):
 
 
 def test_loaded_legs_keep_their_length_at_first():
-    """But for what the springs take as the legs speed up."""
     own = virtual_leg.length(leg_joints()[3])
-    loaded = own
-    for _ in range(10):
-        loaded = own - 0.5 * WEIGHT * compliance(loaded)
-    present = loaded + HIP_DOWN + TOE_JOINT_HEIGHT
-    acceleration = CONFIG.height_acceleration / GRAVITY * 0.5 * WEIGHT * compliance(own)
-    for rise, more in ((0.03, acceleration), (-0.04, -acceleration)):
-        length = np.mean(lengths(stood(both_feet(), mode_of(height=present + rise))))
-        assert length == pytest.approx(own + more, abs=1e-3)
+    for height in (own + 0.09, own + 0.16):
+        assert np.mean(lengths(stood(both_feet(), mode_of(height=height)))) == pytest.approx(
+            own, abs=1e-3
+        )
 
 
 def test_moving_legs_are_fed_forward():
@@ -173,8 +168,8 @@ def test_moving_legs_are_fed_forward():
         torques.append(command.torque[KNEES[0]])
     moved = np.diff(knees) / PERIOD
     assert np.abs(moved).max() > 0.5
-    # The springs get shorter, too, and at once where the acceleration changes.
-    assert np.quantile(np.abs(moved - rates[1:]), 0.98) < 0.1 * np.abs(rates).max()
+    # The springs get shorter, too, and with the acceleration.
+    assert np.abs(moved - rates[1:]).max() < 0.25 * np.abs(rates).max()
     assert rates[-1] == 0.0
     more = np.quantile(np.array(torques) / torques[-1] - 1.0, (0.05, 0.95))
     expected = CONFIG.height_acceleration / GRAVITY

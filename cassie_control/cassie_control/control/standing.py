@@ -189,7 +189,7 @@ class StandingController:
         self._balance = balance
         self._rise = Rise(period)
         self._height = (0.0, 0.0)
-        self._height_integral = 0.0
+        self._acceleration = self._height_integral = 0.0
         self._weight = WEIGHT
         self._hip_angles = [[0.0, 0.0], [0.0, 0.0]]
         self._contact = [0.0, 0.0]
@@ -225,7 +225,7 @@ class StandingController:
         for _ in range(3):
             loaded = length - 0.5 * WEIGHT * compliance(loaded)
         self._height = (loaded + HIP_DOWN + TOE_JOINT_HEIGHT, 0.0)
-        self._height_integral = 0.0
+        self._acceleration = self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
         self._hip_angles = [[leg.joints[HIP_ROLL], leg.joints[HIP_YAW]] for leg in readings.legs]
@@ -288,10 +288,12 @@ class StandingController:
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
-        acceleration = both * (rate - before) / self._period
+        # The command comes in steps, and moves at a rate that does, too.
+        acceleration = (rate - before) / self._period
+        self._acceleration += self._contact_weight * (both * acceleration - self._acceleration)
         self._rise.step(c, height, self._balance.rise_helps, both > BOTH_FEET)
         height, rate = height + self._rise.height, rate + self._rise.rate
-        self._weight = WEIGHT * (1.0 + (acceleration + self._rise.acceleration) / GRAVITY)
+        self._weight = WEIGHT * (1.0 + (self._acceleration + self._rise.acceleration) / GRAVITY)
         if both > BOTH_FEET:
             error = height - readings.height
             integral = self._height_integral + c.height_integral * self._period * error
