@@ -62,7 +62,7 @@ def test_a_failing_channel_is_named_in_time(walked_faithful, channel, kind):
 @pytest.mark.parametrize("axis", range(3))
 def test_a_late_accelerometer_is_named_in_time(walked_faithful, axis, ticks, in_time):
     channel, errors = f"linear_acceleration.{axis}", 0
-    for start in (200, 420, 530):
+    for start in (210, 420, 530):
         rows = samples(walked_faithful, 1250)
         values = rows["linear_acceleration"][:, axis]
         true = values.copy()

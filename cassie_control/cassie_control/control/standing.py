@@ -160,7 +160,7 @@ class StandingController:
     The ground's forces are fed forward through the leg Jacobians. The height follows its set-point
     with bounded rate and acceleration; a push forward adds `Rise`. With z the height that results,
     l = z - z0 the length of the legs with bent springs, C their `compliance`, W the weight, s_i the
-    share of leg i, v_z the vertical velocity and e = 1 - lateness, a leg is commanded
+    share of leg i, v_z the vertical velocity, e = 1 - lateness, and z'' low-passed, leg i gets
 
         force   F_i = s_i W (1 + z'' / g),
         length  l + C W ((1 + z'' / g) / 2 + e (s_i - 1/2)) + integral + height_damping (z' - v_z)
