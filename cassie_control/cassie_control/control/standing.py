@@ -135,7 +135,7 @@ class Rise:
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
-_CONTACT_TIME = 0.06  # s, time constant of a foot's contact
+_CONTACT_TIME = 0.06  # s, time constant of a foot's contact and of the height's acceleration
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
 _MAX_OVERBEND = 0.15  # rad beyond `bend_limit` from which the torso is held again
