@@ -186,6 +186,13 @@ class SegwayConfig:
     corner: float = tunable(
         0.1, "m", 0.03, 0.3, "Bound of CoM shift back plus sideways, as shins may meet the bar"
     )
+    axle_x: float = tunable(
+        -0.022,
+        "m",
+        -0.1,
+        0.1,
+        "Axle ahead of the feet's middle: CoM x at which the vehicle is expected to stay at rest",
+    )
     top_speed: float = tunable(
         5.5,
         "m/s",

@@ -262,6 +262,29 @@ def test_a_speed_that_is_seen_tells_the_error_of_what_is_felt():
     assert rolling.filter.speed == pytest.approx(2.0, abs=0.1)
 
 
+def test_held_at_rest_an_error_of_the_com_is_found():
+    """It looks like an acceleration, and shifts where a lean does nothing."""
+    height, error = 0.55, 0.003
+    held = VehicleSpeedFilter(PERIOD)
+    held.start(-0.02, height)
+    felt = GRAVITY / height * error
+    for _ in range(10 * 500):
+        held.predict(PERIOD * felt)
+        held.correct_by_lean(felt, -0.02 + error, height)
+        held.correct_by_speed(0.0)
+    assert held.bias == pytest.approx(-felt, rel=0.2)
+    assert held.neutral == pytest.approx(-0.02 + error, abs=0.001)
+    assert abs(held.speed) < 0.05
+
+
+def test_a_ride_begins_with_the_com_above_the_axle():
+    riding, _ = ridden(crouched(), mode_of(height=0.65), 1)
+    assert riding.vehicle.neutral == pytest.approx(SegwayConfig().axle_x)
+    above = replace(SegwayConfig(), axle_x=0.0)
+    riding, _ = ridden(crouched(), mode_of(height=0.65), 1, config=above)
+    assert riding.vehicle.neutral == pytest.approx(0.0, abs=1e-6)
+
+
 def test_at_rest_a_lean_tells_nothing():
     """Somebody may hold the vehicle."""
     still = VehicleSpeedFilter(PERIOD)

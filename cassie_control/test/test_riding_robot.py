@@ -8,6 +8,7 @@ from dataclasses import replace
 import pytest
 from closed_loop import Robot
 
+from cassie_control.config import ControllerConfig, SegwayConfig
 from cassie_msgs.experiment.scenario import Draw, Scenario
 from cassie_msgs.layout import RobotMode
 
@@ -25,12 +26,23 @@ LET_DOWN = {
 
 
 @pytest.mark.parametrize(
-    "force", [(100.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 180.0, 0.0)], ids=["fore", "aft", "side"]
+    ("force", "axle_x"),
+    [
+        ((100.0, 0.0, 0.0), 0.0),
+        ((-90.0, 0.0, 0.0), 0.0),
+        ((0.0, 180.0, 0.0), 0.0),
+        ((120.0, 0.0, 0.0), SegwayConfig().axle_x),
+        ((-70.0, 0.0, 0.0), SegwayConfig().axle_x),
+        ((0.0, 180.0, 0.0), SegwayConfig().axle_x),
+    ],
+    ids=["fore", "aft", "side", "fore_above_axle", "aft_above_axle", "side_above_axle"],
 )
-def test_on_plain_ground_it_stands_pushes_as_in_stand(force):
+def test_on_plain_ground_it_stands_pushes_as_in_stand(force, axle_x):
+    """Above an axle it leans back: it stands more from behind, and less from ahead."""
     push = {"t": 6.0, "duration": 0.1, "force": force}
     scenario = {"start": "standing", "pushes": [push]}
-    robot = Robot(Scenario.from_mapping(scenario), "faithful", record=True)
+    config = ControllerConfig(segway=replace(SegwayConfig(), axle_x=axle_x))
+    robot = Robot(Scenario.from_mapping(scenario), "faithful", config, record=True)
     robot.ask(height=0.65)
     robot.run(4.0)
     robot.ask(mode=SEGWAY)

@@ -100,7 +100,6 @@ class MovingBalance(Balance):
     def _reset(self) -> None:
         self.acceleration = [0.0, 0.0]
         self.speed_change = 0.0
-        self.vehicle.start()
         self._mean_acceleration = [0.0, 0.0]
         self._slow_velocity = list(self._velocity)
 
@@ -108,6 +107,7 @@ class MovingBalance(Balance):
         """Begin on ground at rest."""
         super().start(readings)
         self._reset()
+        self.vehicle.start(self.riding.axle_x, max(MIN_COM_HEIGHT, readings.com_from_feet[2]))
 
     def equilibrium(self, readings: Readings) -> tuple[float, float]:
         """Equilibrium of the CoM, ahead and to the left of the centre of pressure. In m."""

@@ -75,6 +75,7 @@ class VerticalFilter:
 
 # Noise of the filter, from rides of robots 1 to 10; DECISIONS.md lists other attempts.
 _INITIAL_VARIANCES = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2, of v, b, n
+_COM_ERROR = 0.003  # m, standard deviation of what is left of the CoM's error, in b and n alike
 _RANDOM_WALK = (0.02**2, 0.003**2, 0.0005**2)  # per second, of v, b, n; b follows the vertical
 _LEAN_NOISE = 0.15**2  # (m/s^2)^2 s: a differs from k (c - n) by 0.15 m/s^2, for half a second
 _SIDE_NOISE = 0.1**2  # (m/s^2)^2 s, noise density of the acceleration to a side
@@ -100,6 +101,9 @@ class VehicleSpeedFilter:
         v     = vx                   if an operator leans it and vx has been the same for long,
         v     = 0                    if it shall stand, and the estimate is slow.
 
+    It begins at rest, with the axle below n. An error e of the CoM looks like the acceleration
+    g e / h, and shifts n by e: the first covariance of b and n is that of -g e / h and e.
+
     Attributes:
         speed: v, forward. In m/s.
         bias: b, correction of the acceleration a. In m/s^2.
@@ -111,13 +115,18 @@ class VehicleSpeedFilter:
 
     def __init__(self, period: float) -> None:
         self._period = period
-        self.start()
+        self.start(0.0, 1.0)
 
-    def start(self) -> None:
-        """Begin at rest."""
-        self.speed = self.bias = self.neutral = 0.0
+    def start(self, neutral: float, height: float) -> None:
+        """Begin at rest, with the expected `neutral` (m) and the CoM's height above the feet (m)."""
+        self.speed = self.bias = 0.0
+        self.neutral = neutral
         self._var_v, self._var_b, self._var_n = _INITIAL_VARIANCES
-        self._cov_vb = self._cov_vn = self._cov_bn = 0.0
+        self._cov_vb = self._cov_vn = 0.0
+        variance, per_error = _COM_ERROR**2, GRAVITY / height
+        self._var_b += per_error**2 * variance
+        self._var_n += variance
+        self._cov_bn = -per_error * variance
 
     def predict(self, speed_change: float) -> None:
         """Predict over one tick, by the change of speed (m/s) found from the feet."""
