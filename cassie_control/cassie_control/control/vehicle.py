@@ -118,7 +118,7 @@ class VehicleSpeedFilter:
         self.start(0.0, 1.0)
 
     def start(self, neutral: float, height: float) -> None:
-        """Begin at rest, with the expected `neutral` (m) and the CoM's height above the feet (m)."""
+        """Begin at rest, with the expected `neutral` and the CoM's height above the feet, in m."""
         self.speed = self.bias = 0.0
         self.neutral = neutral
         self._var_v, self._var_b, self._var_n = _INITIAL_VARIANCES
