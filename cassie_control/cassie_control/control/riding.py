@@ -401,12 +401,14 @@ class RidingController:
     def _speed_range(self) -> Interval:
         """Range of com_x in which an operator's lean does not increase a speed too high.
 
-        The speed counts as far as it is certain: who sees that it rolls forward may brake.
+        The speed counts as far as it is certain: who sees that it rolls forward may brake. The
+        range has the neutral lean, which keeps the speed.
         """
         c, speed, doubt = self.config, self.vehicle.speed, _DOUBT * self.vehicle.deviation
-        high = self.vehicle.neutral + c.kp_speed * (c.top_speed - (speed - doubt))
-        low = self.vehicle.neutral + c.kp_speed * (-c.back_speed - (speed + doubt))
-        return Interval(min(0.0, low), max(0.0, high))
+        faster = max(0.0, c.top_speed - (speed - doubt))
+        slower = max(0.0, c.back_speed + (speed + doubt))
+        neutral = self.vehicle.neutral
+        return Interval(neutral - c.kp_speed * slower, neutral + c.kp_speed * faster)
 
     def _lean_weight(self, readings: Readings) -> float:
         """Factor on a lean while more than the feet carries the robot, 0..1.
