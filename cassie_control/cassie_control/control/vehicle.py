@@ -75,7 +75,7 @@ class VerticalFilter:
 
 # Noise of the filter, from rides of robots 1 to 10; DECISIONS.md lists other attempts.
 _INITIAL_VARIANCES = (0.02**2, 0.005**2, 0.02**2)  # (m/s)^2, (m/s^2)^2, m^2, of v, b, n
-_COM_ERROR = 0.003  # m, standard deviation of what is left of the CoM's error, in b and n alike
+_COM_ERROR = 0.003  # m, standard deviation of e, the CoM's error when a ride begins
 _RANDOM_WALK = (0.02**2, 0.003**2, 0.0005**2)  # per second, of v, b, n; b follows the vertical
 _LEAN_NOISE = 0.15**2  # (m/s^2)^2 s: a differs from k (c - n) by 0.15 m/s^2, for half a second
 _SIDE_NOISE = 0.1**2  # (m/s^2)^2 s, noise density of the acceleration to a side
@@ -101,8 +101,8 @@ class VehicleSpeedFilter:
         v     = vx                   if an operator leans it and vx has been the same for long,
         v     = 0                    if it shall stand, and the estimate is slow.
 
-    It begins at rest, with the axle below n. An error e of the CoM looks like the acceleration
-    g e / h, and shifts n by e: the first covariance of b and n is that of -g e / h and e.
+    It begins at rest, with n above the axle. An error e of the CoM looks like the acceleration
+    g e / h, and shifts n by e: at first b and n have the covariance of -g e / h and e.
 
     Attributes:
         speed: v, forward. In m/s.
