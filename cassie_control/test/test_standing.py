@@ -168,8 +168,8 @@ def test_moving_legs_are_fed_forward():
         torques.append(command.torque[KNEES[0]])
     moved = np.diff(knees) / PERIOD
     assert np.abs(moved).max() > 0.5
-    # The springs get shorter, too, and with the acceleration.
-    assert np.abs(moved - rates[1:]).max() < 0.25 * np.abs(rates).max()
+    # The springs get shorter, too, and with the acceleration, which comes and goes within a mode.
+    assert np.quantile(np.abs(moved - rates[1:]), 0.9) < 0.1 * np.abs(rates).max()
     assert rates[-1] == 0.0
     more = np.quantile(np.array(torques) / torques[-1] - 1.0, (0.05, 0.95))
     expected = CONFIG.height_acceleration / GRAVITY

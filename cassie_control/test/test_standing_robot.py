@@ -33,8 +33,19 @@ def test_a_crouch_neither_overshoots_nor_swings(height, seed):
     robot.ask(height=height)
     robot.run(4.0)
     heights = np.array([m.position[2] for m in robot.moments[before:]])
-    assert heights.min() > height - 0.02
-    assert np.ptp(heights[round(1.5 / PERIOD) :]) < 0.03
+    assert heights.min() > height - 0.012
+    assert np.ptp(heights[round(1.5 / PERIOD) :]) < 0.012
+
+
+def test_the_lowest_height_is_reached_without_a_bounce():
+    """Brakes fed forward 60 ms late let the pelvis bounce by 2 cm on its lowest height."""
+    robot = stood(1.01, 5.0, draw=vars(Draw.from_seed(101)), **LET_DOWN)
+    robot.ask(height=0.39)
+    robot.run(2.0)
+    before = len(robot.moments)
+    robot.run(2.0)
+    heights = np.array([m.position[2] for m in robot.moments[before:]])
+    assert np.abs(heights - 0.39).max() < 0.012
 
 
 @pytest.mark.parametrize("force", [(100.0, 0.0, 0.0), (-90.0, 0.0, 0.0), (0.0, 180.0, 0.0)])

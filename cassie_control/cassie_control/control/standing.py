@@ -7,6 +7,7 @@ robot rise for a moment (`Rise`): legs that push up brake it more than the weigh
 from __future__ import annotations
 
 import math
+from collections import deque
 
 from cassie_control.config import StandConfig
 from cassie_control.control.balance import BOTH_FEET, HANGING_CONTACT, STANDING_CONTACT, Balance
@@ -27,6 +28,7 @@ from cassie_gaits import virtual_leg
 from cassie_gaits.names import HIP_PITCH, HIP_ROLL, HIP_YAW, KNEE, LEG_DRIVE_COUNT
 from cassie_gaits.robot import DRIVES, GRAVITY, WEIGHT
 from cassie_msgs.layout import Mode, MotorCommand
+from cassie_msgs.schedule import PERIOD_TICKS
 
 
 def approach(
@@ -135,7 +137,7 @@ class Rise:
 
 _NOMINAL_HALF_WIDTH = 0.16  # m, half the distance of the feet: the paper stands with about 0.3 m
 _NOMINAL_LENGTH = 0.8  # m, of a leg, for the hips' nominal angle
-_CONTACT_TIME = 0.06  # s, time constant of a foot's contact and of the height's acceleration
+_CONTACT_TIME = 0.06  # s, time constant of a foot's contact
 _MAX_HEIGHT_INTEGRAL = 0.08  # m, saturation of the integrated height error
 _HIP_RELEASE_RATE = 0.3  # rad/s at which an unloaded hip returns to its nominal angle
 _MAX_OVERBEND = 0.15  # rad beyond `bend_limit` from which the torso is held again
@@ -160,7 +162,8 @@ class StandingController:
     The ground's forces are fed forward through the leg Jacobians. The height follows its set-point
     with bounded rate and acceleration; a push forward adds `Rise`. With z the height that results,
     l = z - z0 the length of the legs with bent springs, C their `compliance`, W the weight, s_i the
-    share of leg i, v_z the vertical velocity, e = 1 - lateness, and z'' low-passed, leg i gets
+    share of leg i, v_z the vertical velocity, e = 1 - lateness, and z'' the mean between two modes,
+    leg i gets
 
         force   F_i = s_i W (1 + z'' / g),
         length  l + C W ((1 + z'' / g) / 2 + e (s_i - 1/2)) + integral + height_damping (z' - v_z)
@@ -189,7 +192,8 @@ class StandingController:
         self._balance = balance
         self._rise = Rise(period)
         self._height = (0.0, 0.0)
-        self._acceleration = self._height_integral = 0.0
+        self._rates = deque([0.0] * PERIOD_TICKS, PERIOD_TICKS)
+        self._height_integral = 0.0
         self._weight = WEIGHT
         self._hip_angles = [[0.0, 0.0], [0.0, 0.0]]
         self._contact = [0.0, 0.0]
@@ -225,7 +229,8 @@ class StandingController:
         for _ in range(3):
             loaded = length - 0.5 * WEIGHT * compliance(loaded)
         self._height = (loaded + HIP_DOWN + TOE_JOINT_HEIGHT, 0.0)
-        self._acceleration = self._height_integral = 0.0
+        self._rates.extend([0.0] * PERIOD_TICKS)
+        self._height_integral = 0.0
         self._rise.start()
         self._contact = [leg.contact for leg in readings.legs]
         self._hip_angles = [[leg.joints[HIP_ROLL], leg.joints[HIP_YAW]] for leg in readings.legs]
@@ -284,16 +289,15 @@ class StandingController:
             both: The smaller contact, 0..1.
         """
         c = self.config
-        before = self._height[1]
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
-        # The command comes in steps, and moves at a rate that does, too.
-        acceleration = (rate - before) / self._period
-        self._acceleration += self._contact_weight * (both * acceleration - self._acceleration)
+        # A command that moves does so in a step at each mode, and this motion to it with as many.
+        acceleration = both * (rate - self._rates[0]) / (PERIOD_TICKS * self._period)
+        self._rates.append(rate)
         self._rise.step(c, height, self._balance.rise_helps, both > BOTH_FEET)
         height, rate = height + self._rise.height, rate + self._rise.rate
-        self._weight = WEIGHT * (1.0 + (self._acceleration + self._rise.acceleration) / GRAVITY)
+        self._weight = WEIGHT * (1.0 + (acceleration + self._rise.acceleration) / GRAVITY)
         if both > BOTH_FEET:
             error = height - readings.height
             integral = self._height_integral + c.height_integral * self._period * error
