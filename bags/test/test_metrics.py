@@ -14,6 +14,7 @@ from cassie_bags.signals.leg_geometry import euler_angles, leg_points, to_world
 from cassie_bags.signals.metrics import Metrics, measure
 from cassie_bags.signals.track import make_track
 from cassie_msgs.experiment.expectation import Phase
+from cassie_msgs.layout import Mode, RobotMode
 from cassie_sim.poses import set_drives
 
 
@@ -34,6 +35,17 @@ def test_speed_and_turn_of_a_circle_are_those_it_was_made_with():
 def test_height_is_that_above_the_soles():
     phase = measured(glide(2.0, lift=0.0), Phase("all", 0.0, 1.0)).phases[0]
     assert phase.values["height"] == pytest.approx(standing_height(), abs=1e-9)
+
+
+def test_the_height_has_no_set_point_while_it_walks():
+    recording = glide(2.0, lift=0.1)
+    values = measured(recording, Phase("all", 0.0, 1.0)).phases[0]
+    assert math.isnan(values.commanded["height"])
+    assert math.isnan(values.values["height_rms"])
+    recording.rows(Mode)["mode"][:] = RobotMode.STAND
+    values = measured(recording, Phase("all", 0.0, 1.0)).phases[0]
+    assert values.commanded["height"] == pytest.approx(standing_height())
+    assert values.values["height_rms"] == pytest.approx(0.1)
 
 
 def test_soles_that_lie_flat_pitch_down_with_a_robot_that_topples_forward():

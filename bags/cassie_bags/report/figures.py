@@ -278,9 +278,12 @@ def knee_phase_portrait(view: View) -> Figure:
 
 
 def foot_forces(view: View) -> Figure:
-    """Vertical force on each foot from the springs' deflection."""
+    """Vertical force on each foot from the springs' deflection.
+
+    It is below 0 where a leg swings: the springs then carry the lower leg, as it is pulled up.
+    """
     forces = view.track.state["foot_force"]
-    figure, panels = _over_time(view, "Vertical foot forces", 2, 3.4)
+    figure, panels = _over_time(view, "Vertical foot forces by the springs", 2, 3.4)
     for leg, (axes, colour) in enumerate(zip(panels, (BLUE, ORANGE), strict=True)):
         axes.plot(view.track.time, forces[:, leg], color=colour, linewidth=0.6)
         axes.set(ylabel=f"{LEGS[leg]}\n(N)", ylim=_limits(forces))

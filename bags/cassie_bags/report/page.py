@@ -23,7 +23,7 @@ CAPTIONS = {
     "mode_timeline": "Modes",
     "speed_tracking": "Tracking",
     "footsteps": "Footsteps",
-    "foot_forces": "Foot forces",
+    "foot_forces": "Foot forces by the springs; below 0 as a leg is pulled up, by its lower part",
     "torques": "Torques by their limits",
     "outputs_by_phase": "Errors of the outputs over the phase of a step",
     "knee_phase_portrait": "Phase portrait of the left knee",

@@ -151,8 +151,8 @@ def phase_content(phase: PhaseMetrics) -> dict[str, Any]:
 
 
 def _fixed(number: float, digits: int) -> str:
-    """A number with so many digits, and zero without a sign."""
-    return f"{round(number, digits) + 0.0:.{digits}f}"
+    """A number with so many digits, and zero without a sign; "-" for one that is not known."""
+    return f"{round(number, digits) + 0.0:.{digits}f}" if math.isfinite(number) else "-"
 
 
 def _count(number: float) -> str:

@@ -107,9 +107,9 @@ def _tracking(track: Track) -> dict[str, float]:
     values = {}
     for name in TRACKED:
         achieved = track.achieved[name][track.carries]
-        error = achieved - track.commanded[name][track.carries]
-        values[f"{name}_mean"] = float(achieved.mean()) if len(error) else math.nan
-        values[f"{name}_mean_error"] = float(error.mean()) if len(error) else math.nan
+        error = _known(achieved - track.commanded[name][track.carries])
+        values[f"{name}_mean"] = _mean(achieved)
+        values[f"{name}_mean_error"] = _mean(error)
         values[f"{name}_rms_error"] = _rms(error)
     return values
 
@@ -135,10 +135,10 @@ def _phase(track: Track, phase: Phase) -> PhaseMetrics:
     if not inside.any():
         nothing = dict.fromkeys(PHASE_METRICS, math.nan)
         return PhaseMetrics(phase, False, nothing, dict.fromkeys(TRACKED, math.nan))
-    commanded = {name: float(track.commanded[name][inside].mean()) for name in TRACKED}
+    commanded = {name: _mean(_known(track.commanded[name][inside])) for name in TRACKED}
     values = {name: float(track.achieved[name][inside].mean()) for name in TRACKED}
     for name in TRACKED:
-        values[f"{name}_rms"] = _rms((track.achieved[name] - track.commanded[name])[inside])
+        values[f"{name}_rms"] = _rms(_known((track.achieved[name] - track.commanded[name])[inside]))
     yaw, pitch, roll = track.angles[inside].T
     away = np.linalg.norm(track.position[inside, :2] - track.position[inside][0, :2], axis=1)
     values |= {
@@ -172,6 +172,15 @@ def _speed_peak(position: FloatArray, tick: float) -> float:
         return math.nan
     moved = position[second:] - position[:-second]
     return float(np.linalg.norm(moved, axis=1).max() / (second * tick))
+
+
+def _known(values: FloatArray) -> FloatArray:
+    """The values that are not NaN."""
+    return values[np.isfinite(values)]
+
+
+def _mean(values: FloatArray) -> float:
+    return float(values.mean()) if len(values) else math.nan
 
 
 def _rms(values: FloatArray) -> float:

@@ -45,7 +45,8 @@ class Track:
         angles: True yaw (unwrapped), pitch, roll. Shape (n, 3), in rad.
         achieved: By name of `TRACKED`: velocities of the pelvis origin in the heading frame, yaw
             rate, pelvis height above the loaded soles. Each of shape (n,).
-        commanded: Set-points of `achieved` by name. Each of shape (n,).
+        commanded: Set-points of `achieved` by name; NaN for the height of a robot that walks, which
+            its gait decides. Each of shape (n,).
         mode: Mode from the supervisor. Shape (n,).
         legs: `leg_geometry.leg_points` in the world. Shape (n, 2, 9, 3), in m.
         foot_load: Load of each foot, 0..1. Shape (n, 2).
@@ -125,7 +126,7 @@ def make_track(recording: Recording) -> Track:
         velocity=velocity,
         angles=angles,
         achieved=achieved,
-        commanded=_commanded(recording, sensors),
+        commanded=_commanded(recording, sensors, mode),
         mode=mode,
         legs=legs,
         foot_load=load,
@@ -242,12 +243,14 @@ def _ground(legs: FloatArray, load: FloatArray) -> FloatArray:
     return ground
 
 
-def _commanded(recording: Recording, sensors: Rows) -> dict[str, FloatArray]:
+def _commanded(recording: Recording, sensors: Rows, mode: IntArray) -> dict[str, FloatArray]:
     """Set-points of a scripted operator; without one, set-points of the supervisor's modes."""
     operator = recording.rows(OperatorCommand)
     scripted = operator[operator["scripted"]]
     source = scripted if len(scripted) else recording.rows(Mode)
-    return _held(source, sensors, TRACKED)
+    commanded = _held(source, sensors, TRACKED)
+    commanded["height"] = np.where(mode == RobotMode.WALK, np.nan, commanded["height"])
+    return commanded
 
 
 def _held(rows: Rows, sensors: Rows, names: tuple[str, ...]) -> dict[str, npt.NDArray[Any]]:
