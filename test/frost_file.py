@@ -6,9 +6,9 @@ import numpy as np
 
 from cassie_gaits import bezier, virtual_leg
 from cassie_gaits.gait_library import OUTPUTS
-from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_gaits.gait_library_file import library_path, load_library
 
-LIBRARY = load_library(default_library_path())
+LIBRARY = load_library(library_path("optimized"))
 
 
 def alpha(coefficients, stance):

@@ -11,13 +11,13 @@ from cassie_bags.errors import ExperimentError
 from cassie_bags.run.cores import check_parameters, load_gaits
 from cassie_bags.run.experiment import load_experiment
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_library_file import default_library_path, load_library, save_library
+from cassie_gaits.gait_library_file import library_path, load_library, save_library
 
 
 @pytest.fixture
 def experiment(tmp_path):
     def make(text, **changes):
-        library = load_library(default_library_path())
+        library = load_library(library_path("optimized"))
         gaits = [dataclasses.replace(gait, certificate=None) for gait in library.gaits]
         library = dataclasses.replace(library, gaits=gaits, **changes)
         save_library(library, tmp_path / "gaits.json")

@@ -333,6 +333,9 @@ class WalkConfig:
     speed_filter: float = tunable(
         0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity's low-pass, for the gait library"
     )
+    gait_speed: float = tunable(
+        1.0, "m/s", 0.0, 3.0, "Largest speed ahead at which the gait library is read"
+    )
     double_support: float = tunable(
         0.07, "s", 0.0, 0.2, "Time in which the weight shifts to the new foot"
     )

@@ -98,7 +98,8 @@ def step_towards(core, readings, mode, landing, lead):
     timings, slopes, steps = core.timing.records, core._slope.records, core.plan.records
     gains, robots, table = core._gains.records, readings.records, core.library.table
     advance_step(robots, mode.record, timings, steps, Commanded().records)
-    evaluate_gait(gains, robots, timings, slopes, *table, float(mode.yaw_rate), steps)
+    commanded = float(mode.vy), float(mode.yaw_rate)
+    evaluate_gait(gains, robots, timings, slopes, *table, *commanded, steps)
     target = SwingTarget(*landing, time_to_planned_touchdown(timings[0]), lead)
     adapt_phase_rate(timings[0], target.remaining)
     now = (each[0] for each in (gains, robots, mode.record, timings, slopes))
@@ -200,6 +201,13 @@ def test_desired_outputs_reach_the_gaits_end(stance):
     assert core.plan.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
 
 
+def replace_yaw(gait: Gait, yaw: float) -> Gait:
+    """The gait with a stance hip yaw that turns, fast at first."""
+    alpha = gait.coefficients.copy()
+    alpha[:, YAW_ST] = yaw * np.array([1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
+    return replace(gait, coefficients=alpha)
+
+
 def grid_library():
     """A gait for each corner of a grid of speeds, told apart by its stance leg's length."""
     gaits = []
@@ -210,19 +218,45 @@ def grid_library():
     return replace(LIBRARY, gaits=tuple(gaits))
 
 
-def test_the_gait_is_read_at_mean_lateral_speed_and_commanded_turn():
+def test_the_gait_is_read_at_the_commanded_lateral_speed_and_turn():
+    """By the measured lateral speed a push changed the gait, and more robots fell."""
     library = grid_library()
     command, readings = MotorCommand(), readings_of(swinging(LEFT))
     core = WalkingController(replace(CONFIG, law="paper"), library, 0.002)
     core.start(readings, LEFT)
-    put(readings, velocity=(0.1, -0.1, 0.0))
-    mode = mode_of(vx=0.1, yaw_rate=0.3)
-    while not core.step(readings, mode, command):  # the mean is of whole steps
+    put(readings, velocity=(0.1, 0.2, 0.0))
+    mode = mode_of(vx=0.1, vy=-0.1, yaw_rate=0.3)
+    while not core.step(readings, mode, command):
         assert core.timing.steps == 0
     core.timing.phase = 1.0
     core.step(readings_of(swinging(RIGHT)), mode, command)
     expected = library.interpolate(core.gait_speed, -0.1, 0.3)[0][LENGTH_ST, 5]
     assert core.plan.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("yaw", [-0.1, 0.1])
+def test_a_gait_that_turns_does_not_turn_the_stance_hip_twice(yaw):
+    """The turn has a constant rate: the foot has little friction to turn the body faster."""
+    turning = [replace_yaw(gait, yaw) for gait in LIBRARY.gaits]
+    core = WalkingController(CONFIG, replace(LIBRARY, gaits=tuple(turning)), 0.002)
+    command, state = MotorCommand(), swinging(LEFT)
+    readings = readings_of(state)
+    core.start(readings, LEFT)
+    rates = []
+    while core.timing.phase < 0.95:
+        core.step(readings, mode_of(yaw_rate=0.4), command)
+        rates.append(core.plan.desired_rates[YAW_ST])
+    half_turn = core.plan.half_turn
+    begin = core.plan.initial[YAW_ST] - half_turn  # an error, which decays
+    assert half_turn > 0.05
+    assert np.mean(rates) * 0.4 * 0.95 == pytest.approx(-2.0 * half_turn - begin, rel=0.15)
+    straight = WalkingController(CONFIG, LIBRARY, 0.002)
+    straight.start(readings, LEFT)
+    same = []
+    while straight.timing.phase < 0.95:
+        straight.step(readings, mode_of(yaw_rate=0.4), command)
+        same.append(straight.plan.desired_rates[YAW_ST])
+    np.testing.assert_array_equal(rates, same)
 
 
 @STANCES
@@ -350,10 +384,16 @@ def test_another_law_takes_over_while_walking_goes_on():
     assert np.isfinite(command.floats).all()
 
 
-def test_the_library_is_read_within_its_range():
-    core = walking()
+@pytest.mark.parametrize(("most", "read"), [(0.6, 0.6), (3.0, LIBRARY.speed_range[1])])
+def test_the_library_is_read_up_to_gait_speed_and_within_its_range(most, read):
+    core = walking(config=replace(CONFIG, gait_speed=most))
     core.timing.velocity = (9.0, 0.0)
-    assert core.gait_speed == LIBRARY.speed_range[1]
+    assert core.gait_speed == read
+    core.step(readings_of(swinging(LEFT)), mode_of(), MotorCommand())
+    core.timing.velocity = (9.0, 0.0)
+    assert core.timing.step_time == pytest.approx(LIBRARY.interpolate(read)[2])
+    core.timing.velocity = (-9.0, 0.0)
+    assert core.gait_speed == LIBRARY.speed_range[0]
 
 
 LOADED = """

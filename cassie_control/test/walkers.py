@@ -13,7 +13,7 @@ from cassie_control.control.robot import Readings
 from cassie_control.control.walking import WalkingController
 from cassie_control.planner.timing import LEFT
 from cassie_gaits.gait_library import GaitLibrary
-from cassie_gaits.gait_library_file import default_library_path, load_certified
+from cassie_gaits.gait_library_file import library_path, load_certified
 from cassie_gaits.records import FloatArray
 from cassie_msgs.layout import MotorCommand, RobotState
 
@@ -28,7 +28,7 @@ def _upright(library: GaitLibrary) -> GaitLibrary:
     return replace(library, gaits=gaits)
 
 
-LIBRARY = _upright(load_certified(default_library_path()))
+LIBRARY = _upright(load_certified(library_path("optimized")))
 CONFIG = WalkConfig()
 
 

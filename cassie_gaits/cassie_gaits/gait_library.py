@@ -47,7 +47,7 @@ MOST_COEFFICIENTS = 64
 """Largest number of coefficients in a polynomial of torque or passive motion."""
 
 MOST_POINTS = 10_000
-"""Largest number of points of a grid of speeds; the dense library has 1421."""
+"""Largest number of points of a grid of speeds; the dense library has 1666."""
 
 KINDS = ("optimized", "imported")
 

@@ -20,7 +20,6 @@ from cassie_gaits.certificate.seal import CHECKER_VERSION, gait_sha256
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait
 from cassie_gaits.gait_library_file import (
-    default_library_path,
     library_path,
     load_certified,
     load_library,
@@ -31,7 +30,7 @@ from cassie_gaits.optimize.partial_file import PartialFile
 from cassie_gaits.optimize.request import Request
 from cassie_gaits.ros import check_gaits, plot_gaits
 
-OPTIMIZED = default_library_path()
+OPTIMIZED = library_path("optimized")
 DOCUMENT = json.loads(OPTIMIZED.read_text())
 FOLDER = Path(cassie_gaits.__file__).parent
 

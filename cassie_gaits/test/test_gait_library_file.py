@@ -11,7 +11,7 @@ import pytest
 
 from cassie_gaits.errors import GaitLibraryError
 from cassie_gaits.gait_library import Gait, GaitLibrary, Provenance
-from cassie_gaits.gait_library_file import default_library_path, load_library, save_library
+from cassie_gaits.gait_library_file import library_path, load_library, save_library
 
 RNG = np.random.default_rng(4)
 
@@ -160,4 +160,4 @@ def test_number_too_large_for_a_float_is_refused(tmp_path, number):
 
 
 def test_library_of_the_package_loads():
-    assert load_library(default_library_path()).kind == "optimized"
+    assert load_library(library_path("optimized")).kind == "optimized"

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from cassie_gaits.gait_library_file import default_library_path, load_certified
+from cassie_gaits.gait_library_file import library_path, load_certified
 from cassie_gaits.optimize import library
 from cassie_gaits.processes import local_processes
 from cassie_gaits.ros import check_gaits, optimize_gaits
 
-OPTIMIZED = default_library_path()
+OPTIMIZED = library_path("optimized")
 
 
 def children(pid):
@@ -81,7 +81,7 @@ def test_a_check_that_is_stopped_ends_at_once_and_leaves_no_process():
     command = [sys.executable, "-m", "cassie_gaits.ros.check_gaits", "dense", "--jobs", "2"]
     run = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert run.stdout is not None
-    assert "certified" in run.stdout.readline()  # of 1419
+    assert "certified" in run.stdout.readline()  # of 1424
     workers = children(run.pid)
     assert len(workers) == 2
     run.send_signal(signal.SIGINT)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_gaits.gait_library_file import library_path, load_library
 from cassie_gaits.optimize.bounds import row_bounds, unknown_bounds
 from cassie_gaits.optimize.newton import Bounds, Newton
 from cassie_gaits.optimize.problem import problem
@@ -15,7 +15,7 @@ from cassie_gaits.optimize.request import Request, parameters
 from cassie_gaits.optimize.solution import FAR, NEAR, NEWTON_BARRIER, Point, point_of, solve
 from cassie_gaits.optimize.tape import LANES, Tape
 
-LIBRARY = load_library(default_library_path())
+LIBRARY = load_library(library_path("optimized"))
 HALF = next(gait for gait in LIBRARY.gaits if gait.vx == 0.5)
 
 

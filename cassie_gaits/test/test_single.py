@@ -10,13 +10,13 @@ import pytest
 from cassie_gaits.certificate.certify import certify
 from cassie_gaits.certificate.seal import flaw, gait_sha256
 from cassie_gaits.errors import GaitLibraryError
-from cassie_gaits.gait_library_file import default_library_path, load_library
+from cassie_gaits.gait_library_file import library_path, load_library
 from cassie_gaits.gait_message import conditions_of, gait_message
 from cassie_gaits.optimize import single
 from cassie_gaits.optimize.single import Conditions, GaitMaker, Result
 from cassie_msgs.layout import GaitRequest, GaitResult
 
-LIBRARY = load_library(default_library_path())
+LIBRARY = load_library(library_path("optimized"))
 LOADED = Conditions(0.4, 0.0, 0.0, 8.0, 0.08)
 
 

@@ -22,7 +22,7 @@ def _parser() -> CommandParser:
             "this is not so of one",
         ),
     )
-    library = "gait library: a file, optimized (default) or dense"
+    library = "gait library: a file, dense (default) or optimized"
     parser.value("file", "FILE", library, nargs="?")
     speeds = "m/s (default: those of the library's gaits)"
     parser.value("--speeds", "V", speeds, float, nargs="+")

@@ -47,6 +47,7 @@ class Gains(Record):
     late_speed: float
     level_back: float
     bounce_damping: float
+    gait_speed: float
     heading_gain: float
     yaw_limit: float
     thigh_track: float

@@ -293,9 +293,9 @@ class GaitController:
     def request(self) -> GaitRequest | None:
         """Request of a gait after the last step, or None; every `GAIT_TICKS` ticks; reused.
 
-        The speed ahead is at most that of the library, which is read at its ends beyond: gaits made
-        for more cost more work, and robots fell on them. The caller calls it after every step where
-        gaits are made: it also estimates the payload.
+        The speed ahead is one at which the library is read: gaits made for more cost more work, and
+        robots fell on them. The caller calls it after every step where gaits are made: it also
+        estimates the payload.
         """
         state, mode, payload = self._state, self._mode, self._payload
         if self.activity is not Activity.WALKING:

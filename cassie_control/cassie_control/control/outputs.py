@@ -36,7 +36,6 @@ class Step(Record):
 
     Attributes:
         heading: Desired heading. In rad.
-        mean_vy: Mean velocity to the left of the last two steps. In m/s.
         half_turn: Half of the turn of this step. In rad.
         landing_yaw: Swing hip yaw at touchdown. In rad.
         initial, initial_rates: Outputs and their rates at the beginning of this step.
@@ -51,7 +50,6 @@ class Step(Record):
     """
 
     heading: float
-    mean_vy: float
     half_turn: float
     landing_yaw: float
     initial: FloatArray = array(9)
@@ -157,6 +155,7 @@ def evaluate_gait(
     axes: FloatArray,
     lengths: IntArray,
     rows: FloatArray,
+    vy: float,
     yaw_rate: float,
     steps: Records[Step],
 ) -> None:
@@ -167,12 +166,13 @@ def evaluate_gait(
         robots, slopes: The robot and the ground now. Shape (1,).
         timings: Phase; gets the gait's step time. Shape (1,).
         axes, lengths, rows: `GaitLibrary.table`.
-        yaw_rate: Commanded yaw rate, at which the gait is read. In rad/s.
+        vy, yaw_rate: Commanded velocity to the left and yaw rate, at which the gait is read. In m/s
+            and rad/s.
         steps: The step; changed in place. Shape (1,).
     """
     gain, robot, timing, step = gains[0], robots[0], timings[0], steps[0]
     row = np.empty(rows.shape[1])
-    read_row(axes, lengths, rows, timing.velocity[0], step.mean_vy, yaw_rate, row)
+    read_row(axes, lengths, rows, min(gain.gait_speed, timing.velocity[0]), vy, yaw_rate, row)
     timing.step_time = 1.0 / row[-1]
     gait, stance = step.gait, timing.stance
     clearance = gain.clearance + step_up_height(slopes[0])
@@ -298,12 +298,13 @@ def _turn_stance_hip(step: Step, phase: float, rate: float) -> None:
 
     The commanded turn has a constant rate, so that the foot need not accelerate the body: a line
     contact has little friction for that. Only the error of the yaw at touchdown decays smoothly.
+    So the yaw of a gait that turns, which need not have a constant rate, does not count.
     """
     first, second = fade_derivatives(phase)
-    _add_correction(step, YAW_ST, -step.gait[YAW_ST, AT_END], phase, rate)
-    step.desired[YAW_ST] += step.half_turn * (fade(phase) - 2.0 * phase)
-    step.desired_rates[YAW_ST] += step.half_turn * rate * (first - 2.0)
-    step.accelerations[YAW_ST] += step.half_turn * rate**2 * second
+    error = step.initial[YAW_ST] - step.half_turn
+    step.desired[YAW_ST] = step.half_turn * (1.0 - 2.0 * phase) + error * (1.0 - fade(phase))
+    step.desired_rates[YAW_ST] = -rate * (2.0 * step.half_turn + error * first)
+    step.accelerations[YAW_ST] = -error * rate**2 * second
 
 
 @compiled

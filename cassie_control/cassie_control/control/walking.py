@@ -140,7 +140,9 @@ def compute_set_points(
     timing, slope, step = timings[0], slopes[0], steps[0]
     stance, swing = timing.stance, 1 - timing.stance
     update_in_stance(slopes, robots, stance, timing.phase)
-    evaluate_gait(gains, robots, timings, slopes, axes, lengths, rows, mode.yaw_rate, steps)
+    evaluate_gait(
+        gains, robots, timings, slopes, axes, lengths, rows, mode.vy, mode.yaw_rate, steps
+    )
     carry_weight(gain, robot, pairs, timing, slope, command)
     if gain.pendulum_placement:
         target = plan_landing(pendulums, robots, all_masses, timings, slopes, steps, all_commanded)
@@ -158,11 +160,11 @@ class WalkingController:
     """The nine outputs of eq:h0, driven to a gait from the library.
 
     Desired outputs are Bezier polynomials in phase, interpolated over the filtered sagittal
-    velocity. A library may also have axes for the mean sideways velocity of the last two steps and
-    the commanded turning rate. The first two coefficients of the legs' outputs are those of the
-    posture at touchdown; only roll and pitch of the swing leg go on at their rates. Leg-angle
-    adjustment (`planner.footstep`) changes pitch, roll and length of the swing leg, smoothly over
-    the step; hip yaws turn towards the heading.
+    velocity, up to `gait_speed`. A library may also have axes for the commanded velocity sideways
+    and turning rate. The first two coefficients of the legs' outputs are those of the posture at
+    touchdown; only roll and pitch of the swing leg go on at their rates. Leg-angle adjustment
+    (`planner.footstep`) changes pitch, roll and length of the swing leg, smoothly over the step;
+    hip yaws turn towards the heading.
 
     Of the additions to the paper, README, Walking, has the equation of each, and says which of them
     stay under the paper's own law (`law`: paper). `compute_set_points` has their order.
@@ -248,9 +250,9 @@ class WalkingController:
         return self.within_library(float(self.timing.velocity[0]))
 
     def within_library(self, speed: float) -> float:
-        """The library's nearest speed ahead. In m/s."""
+        """The nearest speed ahead at which the library is read. In m/s."""
         low, high = self._speeds
-        return max(low, min(high, speed))
+        return max(low, min(high, self.config.gait_speed, speed))
 
     def start(self, readings: Readings, stance: int) -> None:
         """Begin walking with a step on a stance leg."""
@@ -260,7 +262,7 @@ class WalkingController:
         initialize_slope(self._slope.records, readings.records)
         self._gaits, self._gait_is_offered = self.library.table, False
         self._row_shift[:] = 0.0
-        self.plan.heading, self.plan.mean_vy, self.plan.thighs_filtered = readings.yaw, 0.0, 0.0
+        self.plan.heading, self.plan.thighs_filtered = readings.yaw, 0.0
         self._placement.reset()
         begin_step(readings.records, stance, False, self.plan.records)
 
@@ -312,7 +314,6 @@ class WalkingController:
         """Exchange stance and swing leg after a touchdown."""
         timing, step = self.timing, self.plan
         mean_velocity = end_step(timing.records)
-        step.mean_vy = mean_velocity[1]
         self._placement.touchdown(mean_velocity, tuple(timing.velocity.tolist()), self._commanded)
         keeps_lengths = bool(self._gains.keeps_lengths)
         self._shift_library()

@@ -53,7 +53,7 @@ class GaitControllerConfig(LaneConfig):
     """Parameters of the node, in addition to those of the controller."""
 
     gait_library: str = tunable(
-        "", description="Gait library: a file, optimized (empty, seven gaits) or dense", live=False
+        "", description="Gait library: a file, dense (empty) or optimized (seven gaits)", live=False
     )
     allow_uncertified: bool = tunable(
         False,

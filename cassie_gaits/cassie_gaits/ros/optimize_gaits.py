@@ -38,11 +38,13 @@ DENSE = {
     "speeds": [round(0.1 * (i - 10), 1) for i in range(29)],
     "lateral": [round(0.1 * (i - 3), 1) for i in range(7)],
     "yaw_rate": [round(0.3 * (i - 3), 1) for i in range(7)],
+    "straight": [-1.3, -1.2, -1.1, 1.9, 2.0, 2.1, 2.2, 2.3, 2.4],
     "holes": 0.03,
 }
 """Values that --grid stands for."""
 
-DEFAULTS = {"speeds": list(SPEEDS), "lateral": [0.0], "yaw_rate": [0.0], "holes": 0.0} | {
+DEFAULTS = {"speeds": list(SPEEDS), "lateral": [0.0], "yaw_rate": [0.0], "straight": []} | {
+    "holes": 0.0,
     **{"step_time": 0.4, "clearance": 0.15, "slope": 0.0, "jobs": available_cores()},
     **{"landing_speed": 0.25, "feet_apart": 0.25, "torso_pitch": 0.05, "torso_roll": 0.005},
     **{"hip_yaw": 0.005, "pelvis_distance": 0.97, "detour": 0.03},
@@ -70,7 +72,11 @@ def _parser() -> argparse.ArgumentParser:
     add("--speeds", **many, help="mean sagittal speeds, m/s")
     add("--lateral", **many, help="mean speeds to the left, m/s")
     add("--yaw-rate", **many, help="mean turning rates to the left, rad/s")
-    dense = "-1 .. 1.8 by 0.1 m/s, -0.3 .. 0.3 by 0.1 m/s, -0.9 .. 0.9 by 0.3 rad/s, --holes 0.03"
+    add("--straight", **many, help="sagittal speeds at which gaits only go straight, m/s")
+    dense = (
+        "-1 .. 1.8 by 0.1 m/s, -0.3 .. 0.3 by 0.1 m/s, -0.9 .. 0.9 by 0.3 rad/s; straight from "
+        "-1.3 to 2.4 m/s; --holes 0.03"
+    )
     add("--grid", action="store_true", help=dense)
     add("--holes", type=float, help="share of the gaits that may be missing")
     add("--step-time", type=float, help="duration of a step, s (default: 0.4)")
@@ -172,13 +178,10 @@ def _flag(name: str) -> str:
 
 def _requests(options: argparse.Namespace) -> list[Request]:
     common = {name: getattr(options, name) for name in SETTINGS}
-    axes = (
-        sorted(set(options.speeds)),
-        sorted(set(options.lateral)),
-        sorted(set(options.yaw_rate)),
-    )
+    points = {*product(options.speeds, options.lateral, options.yaw_rate)}
+    points |= {(vx, 0.0, 0.0) for vx in options.straight}
     requests = []
-    for vx, vy, yaw_rate in product(*axes):
+    for vx, vy, yaw_rate in sorted(points):
         straight = vy == 0.0 and yaw_rate == 0.0
         if options.slope != 0.0 and not straight:
             raise GaitLibraryError("on a slope gaits go straight: no --lateral, no --yaw-rate")
