@@ -24,7 +24,7 @@ def _parser() -> CommandParser:
     )
     library = "gait library: a file, dense (default) or optimized"
     parser.value("file", "FILE", library, nargs="?")
-    speeds = "m/s (default: those of the library's gaits)"
+    speeds = "m/s (default: those of FILE, else the paper's)"
     parser.value("--speeds", "V", speeds, float, nargs="+")
     parser.seed(0)
     parser.number("--impulse", float, 4.0, "impulse of each push, in N s", "NS")

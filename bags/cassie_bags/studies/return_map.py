@@ -38,6 +38,7 @@ from cassie_bags.studies.return_map_fit import (
 from cassie_bags.studies.run_trial import CHECK_TICKS, has_fallen
 from cassie_bags.studies.trial import walking_operator
 from cassie_bags.studies.workers import in_copies
+from cassie_control.learning.torque_table import SPEEDS
 from cassie_gaits import robot
 from cassie_gaits.gait_library_file import default_library_path, library_path, load_certified
 from cassie_gaits.processes import available_cores
@@ -374,4 +375,4 @@ def _speeds(options: argparse.Namespace) -> list[float]:
                 f"--speeds: {speed:g} m/s is outside {low:g} .. {high:g} of {path}"
             )
     straight = [gait.vx for gait in library.gaits if gait.vy == 0.0 and gait.yaw_rate == 0.0]
-    return list(options.speeds or straight)
+    return list(options.speeds or (straight if options.file else SPEEDS))
