@@ -64,7 +64,7 @@ def run_robot(arguments: argparse.Namespace) -> int:
                     for name, command in commands.items():
                         processes.start(name, command)
                     _say(f"starting {', '.join(commands)}; logs in {logs}")
-                    if _await_robot(node, executor, processes, stop):
+                    if _await_robot(node, executor, processes, _claimed(arguments), stop):
                         address = console_address(processes, stop) if arguments.console else ""
                         if not stop.requested:
                             _say(_ready(arguments, address))
@@ -140,14 +140,15 @@ def _refuse_second(arguments: argparse.Namespace) -> None:
         SecondNodeError: if a node that is to be started runs in the domain.
     """
     domain = int(os.environ.get("ROS_DOMAIN_ID") or 0)
-    running = sorted(
-        role
-        for role in held_roles(domain) & set(NODES)
-        if f"{role}:allow_second:=true" not in arguments.parameter
-    )
+    running = sorted(held_roles(domain) & _claimed(arguments))
     if running:
         permission = " -p ".join(f"{role}:allow_second:=true" for role in running)
         raise second(", ".join(running), domain, permission)
+
+
+def _claimed(arguments: argparse.Namespace) -> set[str]:
+    """Kinds of the nodes of this robot that permit no second one."""
+    return {role for role in NODES if f"{role}:allow_second:=true" not in arguments.parameter}
 
 
 def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]:
@@ -156,18 +157,23 @@ def _command(package: str, name: str, parameters: list[str]) -> list[str | Path]
 
 
 def _await_robot(
-    node: Node, executor: SingleThreadedExecutor, processes: Processes, stop: Stop
+    node: Node,
+    executor: SingleThreadedExecutor,
+    processes: Processes,
+    claimed: set[str],
+    stop: Stop,
 ) -> bool:
-    """Wait until the supervisor reports a state; False if stopped before.
+    """Wait until all nodes run and the supervisor reports a state; False if stopped before.
 
     Raises:
         RunError: as `_await`.
     """
     episodes: list[int] = []
+    domain = node.context.get_domain_id()
 
     def reported() -> bool:
         executor.spin_once(timeout_sec=_CHECK_PERIOD)
-        return any(episodes)
+        return any(episodes) and claimed <= held_roles(domain)
 
     subscription = node.create_subscription(
         SupervisorStatus,

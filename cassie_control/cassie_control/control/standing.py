@@ -292,7 +292,7 @@ class StandingController:
         height, rate = self._height = approach(
             *self._height, height, c.height_rate, c.height_acceleration, self._period
         )
-        # A command that moves does so in a step at each mode, and this motion to it with as many.
+        # The commanded height moves in a step at each mode. This mean has none of their ripple.
         acceleration = both * (rate - self._rates[0]) / (PERIOD_TICKS * self._period)
         self._rates.append(rate)
         self._rise.step(c, height, self._balance.rise_helps, both > BOTH_FEET)
