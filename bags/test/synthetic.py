@@ -41,6 +41,7 @@ def glide(
     lift: float = 0.0,
     tilt_from: float | None = None,
     episode: int = 1,
+    mode: RobotMode = RobotMode.WALK,
 ) -> Recording:
     """A recording of a robot that moves at constant speed in a fixed pose.
 
@@ -51,8 +52,9 @@ def glide(
         lift: Pelvis height above that of the pose. In m.
         tilt_from: When it topples over (pitch of 90 degrees), or None. In s.
         episode: Number of the episode.
+        mode: Mode in which it is.
     """
-    messages = glide_messages(seconds, vx, yaw_rate, lift, tilt_from, episode)
+    messages = glide_messages(seconds, vx, yaw_rate, lift, tilt_from, episode, mode)
     return from_messages(messages, wall_time=seconds / 2.0)
 
 
@@ -63,6 +65,7 @@ def glide_messages(
     lift: float = 0.0,
     tilt_from: float | None = None,
     episode: int = 1,
+    mode: RobotMode = RobotMode.WALK,
 ) -> dict[str, list[bytes]]:
     """The messages of `glide` by topic."""
     messages: dict[str, list[bytes]] = {kind.TOPIC: [] for kind in SAMPLE_TYPES}
@@ -73,7 +76,7 @@ def glide_messages(
         time = seq * TICK_NS * 1e-9
         yaw = yaw_rate * time
         pitch = math.pi / 2 if tilt_from is not None and time >= tilt_from else 0.0
-        for sample in _samples(seq, vx, yaw_rate):
+        for sample in _samples(seq, vx, yaw_rate, mode):
             sample.seq[...] = seq
             sample.episode[...] = episode
             sample.stamp_ns = seq * TICK_NS
@@ -88,7 +91,7 @@ def glide_messages(
     return messages
 
 
-def _samples(seq: int, vx: float, yaw_rate: float) -> list:
+def _samples(seq: int, vx: float, yaw_rate: float, robot_mode: RobotMode) -> list:
     state = RobotState()
     state.q[6:] = LEG + LEG
     state.foot_load[:] = 1.0
@@ -102,7 +105,7 @@ def _samples(seq: int, vx: float, yaw_rate: float) -> list:
         operator.scripted[...] = True
         for command in (operator, mode):
             command.effective_seq[...] = seq + 10 if seq else 0
-            command.mode[...] = RobotMode.WALK
+            command.mode[...] = robot_mode
             command.vx[...] = vx
             command.yaw_rate[...] = yaw_rate
             command.height[...] = standing_height()

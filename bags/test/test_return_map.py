@@ -89,7 +89,7 @@ def test_a_speed_that_is_not_walked_is_an_error():
     ("arguments", "reason"),
     [
         (["nothing.json"], "nothing.json"),
-        (["--speeds", "3"], "3 m/s is outside -0.5 .. 1 of"),
+        (["--speeds", "3"], "3 m/s is outside -1.3 .. 2 of"),
         (["--speeds", "nan"], "nan m/s is outside"),
         (["--impulse", "50"], "50 N s is outside 0.1 .. 10"),
     ],

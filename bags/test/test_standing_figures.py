@@ -11,7 +11,7 @@ from synthetic import glide
 
 from cassie_bags.signals.track import make_track
 from cassie_bags.signals.window import STANDING_MEASURES, measure_standing
-from cassie_msgs.layout import ControllerStatus
+from cassie_msgs.layout import ControllerStatus, RobotMode
 
 SPEED = 0.01  # m/s
 SECONDS = 4.0
@@ -19,7 +19,7 @@ SECONDS = 4.0
 
 def figures(yaw_rate=0.0, ahead=0.0, walks=(), window=(0.0, SECONDS)):
     """A robot that creeps along a line, its CoM at the end `ahead` of where it began, m."""
-    recording = glide(SECONDS, vx=SPEED, yaw_rate=yaw_rate)
+    recording = glide(SECONDS, vx=SPEED, yaw_rate=yaw_rate, mode=RobotMode.STAND)
     track = make_track(recording)
     state, status = track.state.copy(), recording.rows(ControllerStatus).copy()
     state["com_position"][:, 0] = np.linspace(0.0, ahead, len(state))
