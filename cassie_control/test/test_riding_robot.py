@@ -142,7 +142,7 @@ def test_leant_back_and_to_a_side_until_it_rolls_backward_it_is_not_thrown_off()
 def test_a_lean_that_lasts_leads_to_the_top_speed_and_not_beyond():
     """It went on at the CoM's zero, 2 cm ahead of where the Segway keeps its speed.
 
-    By its own estimate it holds `top_speed`; nobody else knows the speed.
+    It holds `top_speed` by its own estimate, from which the true speed drifts away.
     """
     robot = put_on(LET_DOWN["gantry"][:2], 5.0)
     robot.ask(com_x=0.05)
