@@ -202,10 +202,11 @@ def test_desired_outputs_reach_the_gaits_end(stance):
     assert core.plan.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
 
 
-def with_stance_yaw(gait: Gait, yaw: float) -> Gait:
-    """The gait with a stance hip yaw that turns, fast at first."""
+def with_yaws(gait: Gait, yaw: float) -> Gait:
+    """The gait with hip yaws that turn, fast at first and at the end."""
     alpha = gait.coefficients.copy()
     alpha[:, YAW_ST] = yaw * np.array([1.0, -1.0, -1.0, -1.0, -1.0, -1.0])
+    alpha[:, YAW_SW] = yaw * np.array([-1.0, -1.0, -1.0, -1.0, -1.0, 1.0])
     return replace(gait, coefficients=alpha)
 
 
@@ -235,27 +236,41 @@ def test_the_gait_is_read_at_the_commanded_lateral_speed_and_turn():
     assert core.plan.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
 
 
-def stance_yaw_rates(library: GaitLibrary) -> tuple[np.ndarray, Step]:
-    """Desired rates of the stance hip's yaw in a step that turns, and the step at its end."""
+def turn(library: GaitLibrary) -> tuple[np.ndarray, np.ndarray, Step]:
+    """Desired yaws and yaw rates of both hips in a step that turns, and the step at its end."""
     core, command = WalkingController(CONFIG, library, 0.002), MotorCommand()
     readings = readings_of(swinging(LEFT))
     core.start(readings, LEFT)
-    rates = []
-    while core.timing.phase < 0.95:
+    yaws, rates, rows = [], [], [YAW_ST, YAW_SW]
+    while core.timing.phase < 0.98:
         core.step(readings, mode_of(yaw_rate=0.4), command)
-        rates.append(core.plan.desired_rates[YAW_ST])
-    return np.array(rates), core.plan
+        yaws.append(core.plan.desired[rows].copy())
+        rates.append(core.plan.desired_rates[rows].copy())
+    return np.array(yaws), np.array(rates), core.plan
 
 
 @pytest.mark.parametrize("yaw", [-0.1, 0.1])
-def test_a_gait_that_turns_does_not_turn_the_stance_hip_twice(yaw):
+def test_a_gait_that_turns_does_not_turn_the_hips_twice(yaw):
     """The turn has a constant rate: the foot has little friction to turn the body faster."""
-    gaits = [with_stance_yaw(gait, yaw) for gait in LIBRARY.gaits]
-    rates, step = stance_yaw_rates(replace(LIBRARY, gaits=tuple(gaits)))
+    gaits = [with_yaws(gait, yaw) for gait in LIBRARY.gaits]
+    yaws, rates, step = turn(replace(LIBRARY, gaits=tuple(gaits)))
     error = step.initial[YAW_ST] - step.half_turn  # at touchdown, which decays
     assert step.half_turn > 0.05
-    assert np.mean(rates) * 0.4 * 0.95 == pytest.approx(-2.0 * step.half_turn - error, rel=0.15)
-    np.testing.assert_array_equal(rates, stance_yaw_rates(LIBRARY)[0])
+    assert np.mean(rates[:, 0]) * 0.4 * 0.98 == pytest.approx(
+        -2.0 * step.half_turn - error, rel=0.15
+    )
+    straight_yaws, straight_rates, _ = turn(LIBRARY)
+    np.testing.assert_array_equal(yaws, straight_yaws)
+    np.testing.assert_array_equal(rates, straight_rates)
+
+
+def test_a_foot_that_lands_and_one_that_leaves_do_not_turn_over_the_ground():
+    """A hip that ended its swing at 3 rad/s took near half of its torque to brake."""
+    yaws, rates, step = turn(LIBRARY)
+    assert rates[0] == pytest.approx([-0.4, -0.4], abs=0.05)
+    assert rates[-1] == pytest.approx([-0.4, -0.4], abs=0.02)
+    assert yaws[-1] == pytest.approx([-step.half_turn, step.landing_yaw], abs=0.01)
+    assert np.abs(rates).max() < 2.0
 
 
 @STANCES

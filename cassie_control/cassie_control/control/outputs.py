@@ -251,9 +251,9 @@ def adjust_outputs(
     _add_correction(step, PITCH_SW, target.pitch - contact_pitch, phase, rate)
     _add_correction(step, ROLL_SW, target.roll - contact_roll, phase, rate)
     _add_correction(step, LENGTH_SW, target.length - gait[LENGTH_SW, AT_END], phase, rate)
-    _add_correction(step, YAW_SW, step.landing_yaw - gait[YAW_SW, AT_END], phase, rate)
     _add_correction(step, FOOT_SW, math.atan(slope.ahead), phase, rate)
-    _turn_stance_hip(step, phase, rate)
+    _turn_hip(step, YAW_ST, -step.half_turn, phase, rate)
+    _turn_hip(step, YAW_SW, step.landing_yaw, phase, rate)
     _shorten_loaded_swing_leg(robot.force[1 - timing.stance], phase, step)
     if timing.phase > 1.0:
         _extend_late_swing_leg(gain, timing, step)
@@ -293,18 +293,26 @@ def _add_correction(step: Step, row: int, correction: float, phase: float, rate:
 
 
 @compiled
-def _turn_stance_hip(step: Step, phase: float, rate: float) -> None:
-    """Move stance hip yaw from its value at touchdown to the end of this step's turn.
+def _turn_hip(step: Step, row: int, end: float, phase: float, rate: float) -> None:
+    """Move a hip's yaw from its value at touchdown to the end of this step's turn.
 
-    The commanded turn has a constant rate, so that the foot need not accelerate the body: a line
-    contact has little friction for that. Only the error of the yaw at touchdown decays smoothly.
-    So the yaw of a gait that turns, which need not have a constant rate, does not count.
+    Both hips begin and end a step at minus the commanded yaw rate, at which a foot on the ground
+    does not turn. So the stance foot need not accelerate the body: a line contact has little
+    friction for that. And a foot that lands, or leaves, does not jump in its rate. All else changes
+    smoothly in between. The yaws of the gait, which fit one turning rate each, do not count.
+
+    Args:
+        step: The step; changed in place.
+        row: Row of the hip's yaw.
+        end: The yaw at the end of the step. In rad.
+        phase, rate: Phase of the step, at most 1, and its rate. In 1/s.
     """
     first, second = fade_derivatives(phase)
-    error = step.initial[YAW_ST] - step.half_turn
-    step.desired[YAW_ST] = step.half_turn * (1.0 - 2.0 * phase) + error * (1.0 - fade(phase))
-    step.desired_rates[YAW_ST] = -rate * (2.0 * step.half_turn + error * first)
-    step.accelerations[YAW_ST] = -error * rate**2 * second
+    turn = -2.0 * step.half_turn
+    correction = end - turn - step.initial[row]
+    step.desired[row] = step.initial[row] + turn * phase + fade(phase) * correction
+    step.desired_rates[row] = rate * (turn + first * correction)
+    step.accelerations[row] = rate**2 * second * correction
 
 
 @compiled
