@@ -89,6 +89,7 @@ def test_stand_walk_turn_stop_stand_and_emergency_stop(robot, browser):
 
     press("drive", lambda: "you drive" in text("driver"), "the lease")
     press("power", lambda: text("power") == "power is on", "power")
+    eyes.wait_for(lambda: eyes.mode == "stand", "standing in the gantry")
     press("lower", lambda: eyes.height() < 0.95, "the ground")
     eyes.wait_for(lambda: eyes.mode == "stand" and text("readiness") == "it stands", "standing")
     press("walk", lambda: eyes.mode == "walk", "walking")

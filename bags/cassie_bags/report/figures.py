@@ -48,7 +48,7 @@ _PANELS = (
     ("yaw_rate", "yaw rate\n(rad/s)"),
     ("height", "height\n(m)"),
 )
-_MAX_NAME = 22  # characters
+_MAX_NAME = 32  # characters of an event's name above the modes
 _FAINT: dict[str, Any] = {"alpha": 0.3, "linewidth": 0.5}
 _BINS = 25  # bins of the phase
 _AFTER_PUSH = 0.5  # s after a push that count as pushed in outputs and phase portrait
@@ -129,14 +129,14 @@ def draw_modes(axes: Any, modes: Iterable[Interval]) -> None:
 
 def _name_above(axes: Any, time: float, name: str, colour: str) -> None:
     axes.annotate(
-        shortened(name), (time, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
+        shortened(name, _MAX_NAME), (time, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3),
         textcoords="offset points", rotation=30, fontsize=7, color=colour,
     )  # fmt: skip
 
 
-def shortened(name: str) -> str:
-    """A name short enough for its place in a picture; tables have the full name."""
-    return name if len(name) <= _MAX_NAME else f"{name[: _MAX_NAME - 1]}…"
+def shortened(name: str, longest: int) -> str:
+    """At most so many characters of a name, for its place in a picture; tables have all of it."""
+    return name if len(name) <= longest else f"{name[: longest - 1]}…"
 
 
 def mark(axes: Any, events: Iterable[Event]) -> None:

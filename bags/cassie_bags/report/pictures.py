@@ -36,6 +36,7 @@ STRIP_LENGTH = 10
 _VIDEO_FPS = 16.0
 _VIDEO_LENGTH = 10.0  # s, longest playing time of a video; a longer run is played faster
 _SKY = 112  # upper rows of an image, which are empty
+_MAX_NAME = 22  # characters of a phase's name above an image
 _BONES = (1, 2, 3, 4, 5, 6)  # hip yaw to toe in `leg_points`
 
 
@@ -114,7 +115,7 @@ def strip(view: View, path: Path) -> str | None:
             axes.set_axis_off()
             time = float(track.time[index])
             name = next((phase.name for phase in phases if phase.t0 <= time < phase.t1), "")
-            axes.set_title(f"{shortened(name)}\n{time:.1f} s", fontsize=7, loc="center")
+            axes.set_title(f"{shortened(name, _MAX_NAME)}\n{time:.1f} s", fontsize=7, loc="center")
         figure.suptitle(view.title, x=0.01, ha="left", fontsize=9)
     return reason
 
