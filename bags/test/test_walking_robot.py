@@ -180,10 +180,9 @@ def most_cross(name, level, seeds, may_fall=1):
 
 
 @pytest.mark.parametrize(("name", "level"), [("step_fast.up", 0.1), ("step_fast.down", 0.2)])
-@pytest.mark.parametrize("seed", [12, 13])
-def test_a_foot_swings_clear_of_ground_that_nobody_sees(name, level, seed):
+def test_a_foot_swings_clear_of_ground_that_nobody_sees(name, level):
     """Toes caught on a riser of 7 cm, and the robot fell over it."""
-    assert crosses(name, level, seed)
+    assert most_cross(name, level, range(11, 21))
 
 
 @pytest.mark.parametrize(
@@ -206,9 +205,9 @@ def test_stairs_are_climbed():
 def test_hard_ground_of_4_cm_is_crossed():
     """Hips that rose and sank with each foothold threw half of the robots to the side.
 
-    9 of 10 robots must walk; which one falls hangs on the last bit.
+    18 of 20 robots must walk; which one falls hangs on the last bit.
     """
-    assert most_cross("rough.hard", 0.04, range(11, 21))
+    assert most_cross("rough.hard", 0.04, range(1, 21), may_fall=2)
 
 
 @pytest.mark.parametrize(("speed", "seeds", "may_fall"), [(0.8, [5], 0), (1.2, range(11, 21), 1)])
