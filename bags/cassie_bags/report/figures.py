@@ -48,7 +48,7 @@ _PANELS = (
     ("yaw_rate", "yaw rate\n(rad/s)"),
     ("height", "height\n(m)"),
 )
-_MAX_NAME = 32  # characters of an event's name above the modes
+_MAX_NAME = 24  # characters of an event's name above the modes
 _FAINT: dict[str, Any] = {"alpha": 0.3, "linewidth": 0.5}
 _BINS = 25  # bins of the phase
 _AFTER_PUSH = 0.5  # s after a push that count as pushed in outputs and phase portrait
