@@ -284,10 +284,17 @@ class WalkConfig:
     touchdown_force: float = tunable(
         200.0, "N", 50.0, 400.0, "Force on the swing foot that ends a step"
     )
-    earliest_touchdown: float = tunable(0.5, "", 0.1, 0.95, "Phase before which no step ends")
+    earliest_touchdown: float = tunable(0.2, "s", 0.05, 0.4, "Time before which no step ends")
     latest_touchdown: float = tunable(1.5, "", 1.0, 2.0, "Phase at which a step ends anyway")
     quickest_step: float = tunable(
-        0.26, "s", 0.15, 0.6, "Duration of the quickest step; the rest of it counts in proportion"
+        0.2,
+        "s",
+        0.1,
+        0.6,
+        "Duration of the quickest step but for the foot's way; its rest counts in proportion",
+    )
+    swing_time: float = tunable(
+        0.1, "s/m", 0.0, 1.0, "Increase of the rest of the quickest step by the way left to go"
     )
     slowest_step: float = tunable(
         1.2, "", 1.0, 2.0, "Duration of the slowest step, to catch a fall, ratio to the gait's"
@@ -327,9 +334,7 @@ class WalkConfig:
         2.0,
         "Friction that every ground has; a step to a foot outside its cone is made quicker",
     )
-    least_foot_distance: float = tunable(
-        0.12, "m", 0.05, 0.3, "Least sideways distance of the feet"
-    )
+    least_foot_distance: float = tunable(0.1, "m", 0.05, 0.3, "Least sideways distance of the feet")
     speed_filter: float = tunable(
         0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity's low-pass, for the gait library"
     )

@@ -210,6 +210,22 @@ def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():
     assert abs(end - walker.position[1]) == pytest.approx(2.0 * (HIP_Y + CONFIG.foot_spread))
 
 
+def test_a_swing_foot_with_a_longer_way_to_go_lands_later():
+    """A leg that swung forward by 0.75 m in 0.2 s lifted the other foot off the ground."""
+    readings = pose()
+    moving(readings, 0.0, 2.0)  # over the left foot, so that no step can be too quick
+    x, y, z = readings.legs[RIGHT].toe_joint
+    ahead = StepAhead(0.2, 0.2, landing_length=LENGTH)
+
+    def remaining(back):
+        put_toe_joint(readings, RIGHT, (x - back, y, z))
+        return swing_target(make_placement(CONFIG), readings, LEFT, Commanded(), ahead).remaining
+
+    assert 0.5 * CONFIG.quickest_step < remaining(0.0) < 0.5 * CONFIG.quickest_step + 0.03
+    longer = remaining(1.0) - remaining(0.5)
+    assert longer == pytest.approx(0.5 * CONFIG.swing_time, abs=0.005)
+
+
 @pytest.mark.parametrize("law", ["pendulum", "paper"])
 @pytest.mark.parametrize("swing", [LEFT, RIGHT])
 @pytest.mark.parametrize("vy", [-1.0, -0.5, 0.0, 0.5, 1.0])

@@ -101,7 +101,7 @@ def test_no_other_touchdown_time_costs_less(seed):
 
     def cost(time):
         missed = foothold(IN_PLACE, LEFT_SWINGS, predict_com(fall, time))[2]
-        return missed**2 + 0.02 * (time - 0.3) ** 2
+        return missed**2 + 0.2 * (time - 0.3) ** 2
 
     chosen = touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
     best = min(np.linspace(0.1, 0.4, 301), key=cost)

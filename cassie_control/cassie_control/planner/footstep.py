@@ -81,13 +81,16 @@ class PendulumPlacement(Placement):
     the stance foot. T_rest minimises
 
         max(distance of the law's foothold to these, outward u - friction height)^2
-            + 0.02 (change of T_rest)^2
+            + 0.2 (change of T_rest)^2
 
-    within `quickest_step` and `slowest_step` (`pendulum.touchdown_time`); it stays that of the gait
-    while the first term is 0. So the friction cone makes a step quicker and does not bound the
-    foot. The leg gets the length at which the foot meets the ground there, on the estimated slope,
-    plus `landing_depth`, plus lead slope . v_end, by which the hips climb until the end of the
-    step.
+    within the quickest and the slowest step (`pendulum.touchdown_time`); it stays that of the gait
+    while the first term is 0. At the phase s the foot, which has the way l left to go, needs
+
+        T_rest + lead >= (1 - s) quickest_step + swing_time l.
+
+    So the friction cone makes a step quicker and does not bound the foot. The leg gets the length
+    at which the foot meets the ground there, on the estimated slope, plus `landing_depth`, plus
+    lead slope . v_end, by which the hips climb until the end of the step.
 
     Assumes a stance foot that gives no torque and a CoM at constant height.
 

@@ -137,6 +137,7 @@ class PlacementGains(Record):
 
     double_support: float
     quickest_step: float
+    swing_time: float
     slowest_step: float
     contact_lead: float
     contact_lead_speed: float
@@ -166,8 +167,8 @@ _MIN_STEP_TIME = 0.2  # s, shortest step, less the contact lead, of the steady g
 _MIN_SINGLE_SUPPORT = 0.1  # s, shortest single support of the steady gait
 _GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 _TIME_TOLERANCE = 2e-3  # s, of the touchdown time; the phase's rate follows it within 20 ms
-_TIME_WEIGHT = 0.02  # m^2/s^2, weight of the step time's change against a foot out of reach
-_TOLERATED_COST = 1e-4 * _TIME_WEIGHT  # m^2: a foot out of reach by 1.4 mm keeps the step's time
+_TIME_WEIGHT = 0.2  # m^2/s^2, weight of the step time's change against a foot out of reach
+_TOLERATED_COST = 1e-4 * _TIME_WEIGHT  # m^2: a foot out of reach by 4.5 mm keeps the step's time
 
 
 class PendulumState(NamedTuple):
@@ -280,14 +281,13 @@ def plan_landing(
     trim_y = math.sin(commanded.roll_trim) * hip_height
     law = _foothold_law(gains, timing.step_time - contact_lead, commanded, side, state.rate, trim_y)
     planned = time_to_planned_touchdown(timing)
-    earliest = max(0.0, 1.0 - timing.phase) * gains.quickest_step
     latest = max(planned, gains.slowest_step * timing.step_time - timing.elapsed)
     time = touchdown_time(
         state,
         law,
         reach,
         max(0.0, planned - contact_lead),
-        max(0.0, earliest - contact_lead),
+        _earliest_touchdown(gains, robot, timing, state, law, reach, contact_lead),
         max(0.0, latest - contact_lead),
     )
     touchdown = predict_com(state, time)
@@ -333,6 +333,29 @@ def _reach(
         gains.least_foot_distance,
         gains.friction * GRAVITY / (w * w),
     )
+
+
+@compiled
+def _earliest_touchdown(
+    gains: PlacementGains,
+    robot: Robot,
+    timing: StepTiming,
+    state: PendulumState,
+    law: FootholdLaw,
+    reach: Reach,
+    contact_lead: float,
+) -> float:
+    """Time to the swing foot's first contact at the soonest, in s.
+
+    The rest of `quickest_step`, and `swing_time` for each metre that the foot still has to go: a
+    leg that is swung faster lifts the stance foot off the ground.
+    """
+    rest = max(0.0, 1.0 - timing.phase) * gains.quickest_step
+    ux, uy, _ = foothold(law, reach, predict_com(state, max(0.0, rest - contact_lead)))
+    com, swing_foot = robot.com, robot.toe_joint[1 - timing.stance]
+    way = math.hypot(com[0] + ux - swing_foot[0], com[1] + uy - swing_foot[1])
+    earliest: float = max(0.0, rest + gains.swing_time * way - contact_lead)
+    return earliest
 
 
 @compiled

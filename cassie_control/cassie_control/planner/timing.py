@@ -26,10 +26,10 @@ _FULL_BACKWARD = 3.0  # s/m: laws for walking backward act in full from 1/3 m/s 
 class StepTiming(Record):
     """Phase and stance leg of the present step, and the velocities read from it.
 
-    A step ends when the swing foot carries `touchdown_force` after phase `earliest_touchdown`, or
-    at phase `latest_touchdown`. The force does not count while the foot moves up or down by 1.5 m/s
-    or more: the foot has caught on an edge and comes free, and its springs deflect as the leg stops
-    it.
+    A step ends when the swing foot carries `touchdown_force` after `earliest_touchdown` s, or at
+    phase `latest_touchdown`. Before, the springs of a leg that is swung quickly may show such a
+    force. It does not count while the foot moves up or down by 1.5 m/s or more, either: the foot
+    has caught on an edge and comes free, and its springs deflect as the leg stops it.
 
     Attributes:
         stance: LEFT or RIGHT.
@@ -119,7 +119,7 @@ def advance(timings: Records[StepTiming], robots: Records[Robot]) -> bool:
     timing.phase += timing.period * timing.rate
     if timing.phase >= timing.latest_touchdown:
         return True
-    if timing.phase < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
+    if timing.elapsed < timing.earliest_touchdown or robot.force[swing] <= timing.touchdown_force:
         return False
     return bool(timing.foot_speed < _MAX_TOUCHDOWN_SPEED)
 
