@@ -182,7 +182,7 @@ def most_cross(name, level, seeds, may_fall=1):
 @pytest.mark.parametrize(("name", "level"), [("step_fast.up", 0.1), ("step_fast.down", 0.2)])
 def test_a_foot_swings_clear_of_ground_that_nobody_sees(name, level):
     """Toes caught on a riser of 7 cm, and the robot fell over it."""
-    assert most_cross(name, level, range(11, 21))
+    assert most_cross(name, level, range(1, 21), may_fall=2)
 
 
 @pytest.mark.parametrize(

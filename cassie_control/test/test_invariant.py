@@ -111,8 +111,8 @@ def test_a_foot_that_slips_is_rejected(on_ice):
 
     assert not on_ice.fallen
     ungated, gated = speed_errors(100.0), speed_errors(3.0)
-    assert ungated.max() > 1.0  # a filter that holds on to sliding feet diverges
     assert gated.max() < 0.06
+    assert ungated.max() > 10.0 * gated.max()  # a filter that holds on to sliding feet diverges
     assert math.sqrt((gated**2).mean()) < 0.025
 
 
