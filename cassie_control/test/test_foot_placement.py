@@ -211,7 +211,7 @@ def test_feet_in_place_are_as_wide_as_the_hips_and_the_spread():
 
 
 def test_a_swing_foot_with_a_longer_way_to_go_lands_later():
-    """A leg that swung forward by 0.75 m in 0.2 s lifted the other foot off the ground."""
+    """A leg that swung forward by 0.6 m within 0.2 s lifted the other foot off the ground."""
     readings = pose()
     moving(readings, 0.0, 2.0)  # over the left foot, so that no step can be too quick
     x, y, z = readings.legs[RIGHT].toe_joint
