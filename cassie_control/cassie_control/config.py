@@ -252,6 +252,17 @@ class LateGains:
         0.06, "s", 0.01, 0.2, "Time in which the weight shifts from leg to leg, by the phase"
     )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
+    softening: float = tunable(
+        330.0,
+        "1/s",
+        0.0,
+        1000.0,
+        "Knees' gains and pitch damping are divided by 1 + softening * delay of the torques",
+    )
+
+    def factor(self, torque_delay: float) -> float:
+        """Factor on the gains that feed the springs' oscillation where torques are late (s)."""
+        return 1.0 / (1.0 + self.softening * torque_delay)
 
     def share(self, latency: float) -> float:
         """How far the gains are those for late drives at a latency (s), 0..1."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cassie_control.config import WalkConfig
-from cassie_gaits.names import LEG_DRIVES
+from cassie_gaits.names import HIP_PITCH, KNEE, LEG_DRIVES
 from cassie_gaits.records import FloatArray, Record, array, whole
 
 
@@ -63,16 +63,20 @@ class Gains(Record):
 _MAX_SWING_LAG = 0.03  # m; in free swings the length lags by 0.01 m
 
 
-def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains:
+def make_gains(
+    config: WalkConfig, period: float, latency: float = 0.0, torque_delay: float = 0.0
+) -> Gains:
     """Gains of the walking law.
 
     As the latency grows, the gains become those for late drives: the hips' set-points use the
-    low-passed thighs alone. Under the paper's law drives that act late change no gain.
+    low-passed thighs alone. Torques that are late get softer knees and less damping of pitch. Under
+    the paper's law drives that act late change no gain.
 
     Args:
         config: Parameters of walking.
         period: Control period. In s.
         latency: Latency found in the drives. In s.
+        torque_delay: The part of it after the drives have computed their torques. In s.
     """
     result = Gains()
     result.take(config.in_force())
@@ -86,6 +90,11 @@ def make_gains(config: WalkConfig, period: float, latency: float = 0.0) -> Gains
         result.level_hip = result.swing_inertia = 1.0
         result.max_swing_lag = _MAX_SWING_LAG
         _set_late_gains(result, config, latency)
+        factor = config.late.factor(torque_delay)
+        result.kp[KNEE] *= factor
+        for gain in (KNEE, HIP_PITCH):
+            result.kd[gain] *= factor
+        result.kd_torso_pitch *= factor
     result.period = period
     return result
 

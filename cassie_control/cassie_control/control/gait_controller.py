@@ -134,7 +134,7 @@ class GaitController:
     def configure(self, config: ControllerConfig) -> None:
         """Use new gains at once."""
         self.config = config
-        self._set_latency(self.latency.latency)
+        self._set_delays()
         self.standing.config = config.stand
         self.riding.configure(config.segway, config.stand)
         self.walking.configure(config.walk)
@@ -159,12 +159,15 @@ class GaitController:
         self.activity = Activity.IDLE
         self._time_in_activity = 0.0
         self._recovering = False
-        self._set_latency(0.0)
+        self._set_delays()
 
-    def _set_latency(self, latency: float) -> None:
-        """Use gains for a latency (s) of the drives."""
-        self.walking.set_latency(latency)
-        self.standing.lateness = self.config.walk.late.share(latency)
+    def _set_delays(self) -> None:
+        """Use gains for the drives' delays that were found."""
+        latency, torque_delay = self.latency.latency, self.latency.torque_delay
+        self.walking.set_delays(latency, torque_delay)
+        late = self.config.walk.late
+        self.standing.lateness = late.share(latency)
+        self.standing.knee_factor = late.factor(torque_delay)
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
         """Set-points for one tick.
@@ -186,7 +189,7 @@ class GaitController:
             raise ControlError(f"mode is {wanted}, must be 0 .. {_SEGWAY}")
         self.readings.update(state, self.standing.com_error)
         if self.latency.observe(state):
-            self._set_latency(self.latency.latency)
+            self._set_delays()
         command = self._command
         command.answer(state)
         self._time_in_activity += self._period

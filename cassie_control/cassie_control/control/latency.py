@@ -1,4 +1,4 @@
-"""Estimate of the drives' latency from the torques that they report."""
+"""Estimate of how late the drives act, from the torques that they report."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from cassie_gaits.compiled import compiled
 from cassie_gaits.drive_limits import TORQUE_LIMITS
 from cassie_gaits.names import DRIVE_IN_Q
-from cassie_gaits.records import FloatArray, Record, RecordArray, Records, array, whole
+from cassie_gaits.records import FloatArray, IntArray, Record, RecordArray, Records, array, whole
 from cassie_gaits.robot import DRIVE_DELAY, ENCODER_RATE
 from cassie_msgs.layout import MotorCommand, RobotState
 
@@ -19,23 +19,31 @@ REPORT_DELAY = DRIVE_DELAY + 1.0 / ENCODER_RATE
 MAX_LATENCY = 0.08
 """Largest latency that is tested. In s."""
 
-_LOW_PASS_TIME = 0.25  # s, time constant of the residuals of all latencies
-_MIN_RESIDUAL = 0.01  # of the present latency, before another one is taken; 1 is full torque
-_MAX_RESIDUAL_RATIO = 0.3  # of another latency's residual to that of the present one
-_MAX_UNEXPLAINED = 0.1  # ratio of another latency's residual to all squared torques
+TORQUE_DELAYS = (0.0, 0.001, 0.002, 0.003, 0.004)
+"""Delays of torques beyond `DRIVE_DELAY` that are tested. In s."""
+
+_LOW_PASS_TIME = 0.25  # s, time constant of the residuals of all delays
+_MIN_RESIDUAL = 0.01  # of the present delays, before others are taken; 1 is full torque
+_MAX_RESIDUAL_RATIO = 0.3  # of other delays' residual to that of the present ones
+_MAX_UNEXPLAINED = 0.1  # ratio of other delays' residual to all squared torques
 
 
 class Search(Record):
-    """State of the search for the latency.
+    """State of the search for the delays.
 
     Attributes:
         seq: `seq` of the last observed state.
         newest: Row of the newest command, which answered the state before this one.
         count: Number of commands stored since the ring was emptied.
         latency: Latency found, in commands: the age of the command that explains the torques.
-        interpolation: Time from the oldest of `joint_history` to the setting of the reported
-            torques. In ticks.
-        low_pass_weight: Low-pass weight of a new value.
+        torque_delay: Place of the torques' delay that was found in `TORQUE_DELAYS`.
+        tested: Place of the delay that is tested at this tick.
+        likeliest: Latency with the least residual for each of `TORQUE_DELAYS`, in commands.
+        least: These residuals.
+        before: Row of `joint_history` before each delayed torque was computed.
+        interpolation: Time from that row to the computation. In ticks.
+        low_pass_weight: Low-pass weight of a new value, once in as many ticks as there are
+            `TORQUE_DELAYS`.
         scale: 1 over the largest torque of each drive. In 1/Nm.
     """
 
@@ -43,7 +51,12 @@ class Search(Record):
     newest: int = whole()
     count: int = whole()
     latency: int = whole()
-    interpolation: float
+    torque_delay: int = whole()
+    tested: int = whole()
+    likeliest: IntArray = whole(len(TORQUE_DELAYS))
+    least: FloatArray = array(len(TORQUE_DELAYS))
+    before: IntArray = whole(len(TORQUE_DELAYS))
+    interpolation: FloatArray = array(len(TORQUE_DELAYS))
     low_pass_weight: float
     scale: FloatArray = array(10)
 
@@ -56,21 +69,24 @@ def find_latency(
     residuals: FloatArray,
     searches: Records[Search],
 ) -> bool:
-    """Low-pass the residual of each latency; True if the latency found has changed.
+    """Low-pass the residuals of all latencies and one delay of torques; True if a find changed.
+
+    The delays take turns, a tick each.
 
     Args:
         states: `RobotState.record`: the drives and their reported torques. Shape (1,).
         commands: Ring of the commands sent, `MotorCommand.record`. Shape (n,).
         joint_history: Angles and rates of the drives at the last ticks, the oldest first; updated.
             Shape (m, 2, 10).
-        residuals: Averages of the squared residuals, and, last, of the squared reported torques;
-            updated. Shape (n + 1,).
+        residuals: Averages of the squared residuals for each of `TORQUE_DELAYS`, and, last in each
+            row, of the squared reported torques; updated. Shape (5, n + 1).
         searches: Changed in place. Shape (1,).
     """
     state, search = states[0], searches[0]
     seq = int(state.seq)
     if seq != search.seq + 1 or state.power < 0.5:
         residuals[:] = 0.0
+        search.least[:] = 0.0
         search.newest = search.count = 0
     search.seq = seq
     reported, scale = state.drive_torque, search.scale
@@ -78,22 +94,28 @@ def find_latency(
     rows = commands.shape[0]
     if search.count < rows + joint_history.shape[0] - 1:
         return False
+    search.tested = (search.tested + 1) % len(residuals)
+    averages = residuals[search.tested]
     total = 0.0
     for i in range(10):
         total += (scale[i] * reported[i]) ** 2
-    residuals[rows] += search.low_pass_weight * (total - residuals[rows])
+    averages[rows] += search.low_pass_weight * (total - averages[rows])
     best = 0
     for row in range(rows):
         command = commands[(search.newest - row) % rows]
         residual = _residual(command, reported, joint_history, search)
-        residuals[row] += search.low_pass_weight * (residual - residuals[row])
-        if residuals[row] < residuals[best]:
+        averages[row] += search.low_pass_weight * (residual - averages[row])
+        if averages[row] < averages[best]:
             best = row
-    present, least, all_torques = residuals[search.latency], residuals[best], residuals[rows]
-    explains = least < _MAX_RESIDUAL_RATIO * present and least < _MAX_UNEXPLAINED * all_torques
+    search.likeliest[search.tested], search.least[search.tested] = best, averages[best]
+    delay = int(search.least.argmin())
+    present, least = residuals[search.torque_delay, search.latency], search.least[delay]
+    explains = least < _MAX_RESIDUAL_RATIO * present and least < _MAX_UNEXPLAINED * averages[rows]
     if not (present > _MIN_RESIDUAL and explains):
         return False
-    changed, search.latency = best != search.latency, best
+    found = search.likeliest[delay]
+    changed = found != search.latency or delay != search.torque_delay
+    search.latency, search.torque_delay = found, delay
     return bool(changed)
 
 
@@ -110,7 +132,10 @@ def _store_joints(state: RobotState, joint_history: FloatArray) -> None:
 
 @compiled
 def _residual(
-    command: MotorCommand, reported: FloatArray, joint_history: FloatArray, search: Search
+    command: MotorCommand,
+    reported: FloatArray,
+    joint_history: FloatArray,
+    search: Search,
 ) -> float:
     """Squared difference of a command's torques and the reported ones, over the largest torques.
 
@@ -120,11 +145,12 @@ def _residual(
         joint_history: See `find_latency`.
         search: The search.
     """
-    oldest, next_oldest = joint_history[0], joint_history[1]
-    scale, s, residual = search.scale, search.interpolation, 0.0
+    row = search.before[search.tested]
+    before, after = joint_history[row], joint_history[row + 1]
+    scale, s, residual = search.scale, search.interpolation[search.tested], 0.0
     for i in range(10):
-        angle = (1.0 - s) * oldest[0, i] + s * next_oldest[0, i]
-        rate = (1.0 - s) * oldest[1, i] + s * next_oldest[1, i]
+        angle = (1.0 - s) * before[0, i] + s * after[0, i]
+        rate = (1.0 - s) * before[1, i] + s * after[1, i]
         torque = command.torque[i] + command.kp[i] * (command.position[i] - angle)
         torque += command.kd[i] * (command.velocity[i] - rate)
         torque = scale[i] * torque
@@ -149,17 +175,18 @@ def store_command(sent: RecordArray, commands: RecordArray, searches: Records[Se
 
 
 class CommandLatency:
-    """Estimates the drives' latency: compares reported torques with those of past commands.
+    """Estimates how late the drives act: compares reported torques with those of past commands.
 
-    A drive that acts on the command of D ticks ago reports, 3.5 ms later,
+    A drive that computes torques from the command of D ticks ago, which act d s late, reports
+    3.5 ms + d later
 
         u = torque + kp (position - q) + kd (velocity - v).
 
-    For each D the residual is the squared difference from the reported torque, over the drive's
-    largest one. It is summed over the drives and low-passed over a quarter of a second. The latency
-    found becomes the D with the least residual where the present one leaves a large residual. While
-    the robot stands still, every D explains the same torques and nothing changes; the first steps
-    reveal the latency.
+    For each D and each d the residual is the squared difference from the reported torque, over the
+    drive's largest one. It is summed over the drives and low-passed over a quarter of a second. The
+    delays found become those with the least residual where the present ones leave a large residual.
+    While the robot stands still, all delays explain the same torques and nothing changes. The first
+    steps, or an oscillation of the springs, reveal them.
 
     Args:
         period: Control period. In s.
@@ -170,12 +197,15 @@ class CommandLatency:
         ticks = math.ceil(REPORT_DELAY / period)
         self._usual_latency = ticks - 1
         rows = ticks + round(MAX_LATENCY / period)
+        ages = (REPORT_DELAY + np.array(TORQUE_DELAYS)) / period
+        oldest = math.ceil(ages.max())
         self._commands = np.zeros(rows, MotorCommand.RECORD)
-        self._joint_history = np.zeros((ticks + 1, 2, 10))
-        self._residuals = np.zeros(rows + 1)
+        self._joint_history = np.zeros((oldest + 1, 2, 10))
+        self._residuals = np.zeros((len(TORQUE_DELAYS), rows + 1))
         self._search = Search(
-            interpolation=ticks - REPORT_DELAY / period,
-            low_pass_weight=1.0 - math.exp(-period / _LOW_PASS_TIME),
+            before=oldest - np.ceil(ages),
+            interpolation=np.ceil(ages) - ages,
+            low_pass_weight=1.0 - math.exp(-period * len(TORQUE_DELAYS) / _LOW_PASS_TIME),
             scale=1.0 / TORQUE_LIMITS,
         )
         self.reset()
@@ -189,15 +219,20 @@ class CommandLatency:
         """Time from a command until the drives act on it, beyond their own delay. In s."""
         return (self._search.latency - self._usual_latency) * self._period
 
+    @property
+    def torque_delay(self) -> float:
+        """The part of it after the drives have computed their torques. In s."""
+        return TORQUE_DELAYS[self._search.torque_delay]
+
     def reset(self) -> None:
-        """Begin anew with the latency 0."""
+        """Begin anew without delays."""
         search = self._search
-        search.latency, search.seq = self._usual_latency, -1
+        search.latency, search.torque_delay, search.seq = self._usual_latency, 0, -1
         search.newest = search.count = 0
-        self._residuals[:] = 0.0
+        self._residuals[:] = search.least[:] = 0.0
 
     def observe(self, state: RobotState) -> bool:
-        """Update with a state and its reported torques; True if the latency found has changed."""
+        """Update with a state and its reported torques; True if a delay found has changed."""
         changed: bool = find_latency(
             state.record, self._commands, self._joint_history, self._residuals, self._search.records
         )

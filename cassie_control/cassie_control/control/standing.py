@@ -175,6 +175,7 @@ class StandingController:
 
     Attributes:
         lateness: How far the drives act late, 0..1 (`LateGains.share`).
+        knee_factor: Factor on the knees' gains (`LateGains.factor`).
 
     Args:
         balance: Balance law, with the gains.
@@ -187,7 +188,7 @@ class StandingController:
 
     def __init__(self, balance: Balance, period: float) -> None:
         compliance(MIN_LENGTH)  # takes 40 ms the first time
-        self.lateness = 0.0
+        self.lateness, self.knee_factor = 0.0, 1.0
         self._period = period
         self._balance = balance
         self._rise = Rise(period)
@@ -358,8 +359,9 @@ class StandingController:
         kp_roll = c.kp_hip_roll + balance.settled * (c.settled_kp_hip_roll - c.kp_hip_roll)
         kp_roll, kp_pitch = kp_roll * (air + contact * roll_regulation), c.kp_hip_pitch * air
         kd_pitch = c.kd_hip_pitch * air + c.kd_leg_pitch * contact
-        command.kp[drives] = (kp_roll, c.kp_hip_yaw, kp_pitch, c.kp_knee, c.kp_toe * air)
-        command.kd[drives] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, c.kd_knee, c.kd_toe)
+        kp_knee, kd_knee = self.knee_factor * c.kp_knee, self.knee_factor * c.kd_knee
+        command.kp[drives] = (kp_roll, c.kp_hip_yaw, kp_pitch, kp_knee, c.kp_toe * air)
+        command.kd[drives] = (c.kd_hip_roll, c.kd_hip_yaw, kd_pitch, kd_knee, c.kd_toe)
         roll, yaw, pitch, knee = holding_torques(
             leg.toe_jacobian, readings.R_HP, self._weight * share, *balance.force_ratio
         )

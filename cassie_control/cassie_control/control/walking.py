@@ -207,7 +207,7 @@ class WalkingController:
         self._step_shifts = [gait_in_stance(self._row_shift, leg) for leg in (LEFT, RIGHT)]
         self.plan = Step()
         self._commanded = Commanded()
-        self._latency = 0.0
+        self._delays = 0.0, 0.0
         self._pendulum, self._paper = PendulumPlacement(config), PaperPlacement(config)
         self.config = config
         self.configure(config)
@@ -221,12 +221,17 @@ class WalkingController:
         for part in (self.timing, self._slope):
             part.configure(config)
         self.config = self._pendulum.config = self._paper.config = config
-        self.set_latency(self._latency)
+        self.set_delays(*self._delays)
 
-    def set_latency(self, latency: float) -> None:
-        """Use gains for a latency of the drives beyond their own delay. In s."""
-        self._latency = latency
-        self._gains = make_gains(self.config, self._period, latency)
+    def set_delays(self, latency: float, torque_delay: float) -> None:
+        """Use gains for drives that act late.
+
+        Args:
+            latency: Latency of the drives beyond their own delay. In s.
+            torque_delay: The part of it after the drives have computed their torques. In s.
+        """
+        self._delays = latency, torque_delay
+        self._gains = make_gains(self.config, self._period, latency, torque_delay)
 
     @property
     def _placement(self) -> Placement:
