@@ -302,10 +302,14 @@ class WalkConfig:
         "s",
         0.1,
         0.6,
-        "Duration of the quickest step but for the foot's way; its rest counts in proportion",
+        "Least duration of a step whose foot has no way to go; 1 - phase of it remains",
     )
     swing_time: float = tunable(
-        0.1, "s/m", 0.0, 1.0, "Increase of the rest of the quickest step by the way left to go"
+        0.1,
+        "s/m",
+        0.0,
+        1.0,
+        "Least time that remains, per distance of the swing foot from its foothold",
     )
     slowest_step: float = tunable(
         1.2, "", 1.0, 2.0, "Duration of the slowest step, to catch a fall, ratio to the gait's"
@@ -347,7 +351,11 @@ class WalkConfig:
     )
     least_foot_distance: float = tunable(0.1, "m", 0.05, 0.3, "Least sideways distance of the feet")
     speed_filter: float = tunable(
-        0.64, "Hz", 0.05, 10.0, "Cut-off of the velocity's low-pass, for the gait library"
+        0.64,
+        "Hz",
+        0.05,
+        10.0,
+        "Cut-off of the velocity's low-pass: of gait, contact lead and laws of walking backward",
     )
     gait_speed: float = tunable(
         1.0, "m/s", 0.0, 3.0, "Largest speed ahead at which the gait library is read"

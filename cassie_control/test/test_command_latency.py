@@ -21,16 +21,20 @@ class Drives:
         period: Of control. In s.
         swing: Of the joints. In rad.
         error: Of the torque constants.
+        torque_delay: From the torque that a drive computes to its effect, beyond 3 ms. In s.
+        ringing: Of the joints at 42 Hz, with the leg springs. In rad.
     """
 
-    def __init__(self, late, period=0.002, swing=0.2, error=0.03):
+    def __init__(self, late, period=0.002, swing=0.2, error=0.03, torque_delay=0.0, ringing=0.0):
         self.late, self.period, self.swing, self.error = late, period, swing, error
+        self.torque_delay, self.ringing = torque_delay, ringing
         self.sent: list[MotorCommand] = []
         self.rng = np.random.default_rng(7)
 
     def angles(self, t):
-        w = 8.0 + np.arange(10.0)
-        return self.swing * np.sin(w * t), self.swing * w * np.cos(w * t)
+        w, fast = 8.0 + np.arange(10.0), 2.0 * np.pi * 42.0
+        angle = self.swing * np.sin(w * t) + self.ringing * np.sin(fast * t)
+        return angle, self.swing * w * np.cos(w * t) + self.ringing * fast * np.cos(fast * t)
 
     def state(self, tick):
         state, now = RobotState(), tick * self.period
@@ -39,7 +43,7 @@ class Drives:
         joints = [0, 1, 2, 3, 6]
         state.q[6:].reshape(2, 7)[:, joints] = angle.reshape(2, 5)
         state.v[6:].reshape(2, 7)[:, joints] = rate.reshape(2, 5)
-        set_at = now - 0.0035
+        set_at = now - 0.0035 - self.torque_delay
         command = int(np.floor((set_at - self.late) / self.period + 1e-9))
         if command >= 0:
             c, (angle, rate) = self.sent[command], self.angles(set_at)
@@ -70,10 +74,22 @@ def test_a_latency_is_found_to_a_tick(late, period):
     assert latency.latency == pytest.approx(late, abs=1.1 * period)
 
 
+@pytest.mark.parametrize("late", [0.0, 0.016, 0.028])
+@pytest.mark.parametrize("torque_delay", [0.002, 0.003])
+@pytest.mark.parametrize("period", [0.004, 0.002, 0.0005])
+def test_late_torques_are_told_from_late_set_points_as_springs_ring(late, torque_delay, period):
+    """Each alone explains neither: the joints are those of before the torques' delay."""
+    latency = CommandLatency(period)
+    drives = Drives(late, period, torque_delay=torque_delay, ringing=0.01)
+    run(latency, drives, round(1.5 / period))
+    assert latency.torque_delay == pytest.approx(torque_delay, abs=0.0011)
+    assert latency.latency == pytest.approx(late + torque_delay, abs=max(0.0011, 1.1 * period))
+
+
 def test_torque_constants_and_noise_do_not_look_like_one():
     latency = CommandLatency(0.002)
     run(latency, Drives(0.0, error=0.1), 1000)
-    assert latency.latency == 0.0
+    assert latency.latency == latency.torque_delay == 0.0
 
 
 def test_standing_still_tells_nothing_and_changes_nothing():
@@ -121,6 +137,16 @@ def test_gains_go_over_with_the_latency_and_not_below_it():
     assert whole.thigh_rate == 1.0
 
 
+def test_late_torques_soften_the_knees_and_damp_the_pitch_less():
+    """They feed the oscillation of the leg springs: 3 ms late, a quarter of a period in all."""
+    usual, late = make_gains(CONFIG, 0.002), make_gains(CONFIG, 0.002, 0.003, 0.003)
+    factor = 1.0 / (1.0 + 0.003 * CONFIG.late.softening)
+    assert late.kp / usual.kp == pytest.approx([1.0, 1.0, 1.0, factor, 1.0])
+    assert late.kd / usual.kd == pytest.approx([1.0, 1.0, factor, factor, 1.0])
+    assert late.kd_torso_pitch == pytest.approx(factor * usual.kd_torso_pitch)
+    assert late.kp_torso_pitch == usual.kp_torso_pitch
+
+
 def test_the_papers_law_stays_as_it_is():
     paper = replace(CONFIG, law="paper")
-    assert make_gains(paper, 0.002, 0.05).records == make_gains(paper, 0.002).records
+    assert make_gains(paper, 0.002, 0.05, 0.003).records == make_gains(paper, 0.002).records

@@ -70,7 +70,7 @@ class Pendulum:
             x = self.position[k] + self.velocity[k] * self.coast
             self.position[k] = x * cosh + self.velocity[k] / self.w * sinh
             self.velocity[k] = self.w * x * sinh + self.velocity[k] * cosh
-        self._turn(-self.commanded.turn_rate * STEP_TIME)
+        self._turn(-self.commanded.yaw_rate * STEP_TIME)
         self._place()
         return self.velocity[0], self.velocity[1]
 
@@ -113,7 +113,7 @@ def test_gain_one_removes_a_sagittal_error_in_one_step(speed):
 @pytest.mark.parametrize("rate", [-0.4, 0.4])
 def test_a_turn_does_not_carry_it_to_the_side(speed, rate):
     config = replace(CONFIG, least_foot_distance=0.05)
-    walker = Pendulum(config, Commanded(vx=speed, turn_rate=rate), (speed, 0.3))
+    walker = Pendulum(config, Commanded(vx=speed, yaw_rate=rate), (speed, 0.3))
     for _ in range(6):
         walker.step()
     steps = [walker.step() for _ in range(2)]

@@ -10,9 +10,9 @@ from cassie_control.planner.pendulum import (
     FootholdLaw,
     PendulumState,
     Reach,
+    contact_time,
     foothold,
     predict_com,
-    touchdown_time,
 )
 
 RATE = 3.5
@@ -72,12 +72,12 @@ def test_the_gains_are_those_of_the_map_at_the_velocity_of_the_touchdown(way):
 
 def test_a_step_that_can_be_made_keeps_its_time():
     fall = PendulumState(0.0, 0.14, 0.0, -0.25, RATE, 0.0)
-    assert touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.15, 0.4) == 0.3
+    assert contact_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.15, 0.4) == 0.3
 
 
 def test_a_fall_to_the_side_of_the_swing_leg_is_met_sooner():
     fall = PendulumState(0.0, 0.05, 0.0, 0.6, RATE, 0.0)
-    time = touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
+    time = contact_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
     assert 0.1 <= time < 0.3
     planned, chosen = (
         foothold(IN_PLACE, LEFT_SWINGS, predict_com(fall, t))[2] for t in (0.3, time)
@@ -87,13 +87,11 @@ def test_a_fall_to_the_side_of_the_swing_leg_is_met_sooner():
 
 def test_a_fall_over_the_stance_foot_is_met_as_soon_as_can_be():
     fall = PendulumState(0.0, -0.02, 0.0, -0.6, RATE, 0.0)
-    assert touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4) == pytest.approx(
-        0.1, abs=1e-3
-    )
+    assert contact_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4) == pytest.approx(0.1, abs=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_no_other_touchdown_time_costs_less(seed):
+def test_no_other_contact_time_costs_less(seed):
     """Distance of the foot out of reach, squared, and that of the step's time with its weight."""
     rng = np.random.default_rng(seed)
     x, y, vx, vy = rng.uniform(-1.0, 1.0, 4) * (0.1, 0.15, 0.8, 0.8)
@@ -103,15 +101,15 @@ def test_no_other_touchdown_time_costs_less(seed):
         missed = foothold(IN_PLACE, LEFT_SWINGS, predict_com(fall, time))[2]
         return missed**2 + 0.2 * (time - 0.3) ** 2
 
-    chosen = touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
+    chosen = contact_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
     best = min(np.linspace(0.1, 0.4, 301), key=cost)
     assert abs(chosen - best) < 2e-3 or cost(chosen) < cost(best) + 1e-5
 
 
-def test_the_touchdown_time_moves_without_jumps():
+def test_the_contact_time_moves_without_jumps():
     """It is asked for anew at every tick."""
     times = [
-        touchdown_time(
+        contact_time(
             PendulumState(0.0, 0.05, 0.0, vy, RATE, 0.0), IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4
         )
         for vy in np.linspace(0.0, 0.8, 401)
@@ -122,9 +120,9 @@ def test_the_touchdown_time_moves_without_jumps():
 def test_a_foot_outside_of_the_friction_cone_makes_the_step_quicker():
     """The sooner a foot lands to catch a fall, the nearer: that needs less friction."""
     fall = PendulumState(0.0, 0.05, 0.0, 0.3, RATE, 0.0)
-    planned = touchdown_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
+    planned = contact_time(fall, IN_PLACE, LEFT_SWINGS, 0.3, 0.1, 0.4)
     narrow = LEFT_SWINGS._replace(friction_cone=0.15)
-    sooner = touchdown_time(fall, IN_PLACE, narrow, 0.3, 0.1, 0.4)
+    sooner = contact_time(fall, IN_PLACE, narrow, 0.3, 0.1, 0.4)
     assert sooner < planned - 0.02
     nearer, farther = (
         foothold(IN_PLACE, narrow, predict_com(fall, t))[1] for t in (sooner, planned)

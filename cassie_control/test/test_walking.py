@@ -197,7 +197,7 @@ def test_desired_outputs_reach_the_gaits_end(stance):
     put(readings, velocity=(0.4, 0.0, 0.0))
     while core.timing.phase < 0.9999:
         core.step(readings, mode_of(), command)
-    gait = LIBRARY.interpolate(core.gait_speed)[0 if stance == RIGHT else 1]
+    gait = LIBRARY.interpolate(core.library_speed)[0 if stance == RIGHT else 1]
     rows = [LENGTH_ST, LENGTH_SW, FOOT_SW]
     assert core.plan.desired[rows] == pytest.approx(gait[rows, 5], abs=1e-3)
 
@@ -232,7 +232,7 @@ def test_the_gait_is_read_at_the_commanded_lateral_speed_and_turn():
         assert core.timing.steps == 0
     core.timing.phase = 1.0
     core.step(readings_of(swinging(RIGHT)), mode, command)
-    expected = library.interpolate(core.gait_speed, -0.1, 0.3)[0][LENGTH_ST, 5]
+    expected = library.interpolate(core.library_speed, -0.1, 0.3)[0][LENGTH_ST, 5]
     assert core.plan.desired[LENGTH_ST] == pytest.approx(expected, abs=1e-6)
 
 
@@ -295,7 +295,7 @@ def test_swing_leg_ends_where_leg_angle_adjustment_says(stance):
     readings = readings_of(state)
     while core.timing.phase < 0.9999:
         core.step(readings, mode, command)
-    gait = LIBRARY.interpolate(core.gait_speed)[1 - stance]
+    gait = LIBRARY.interpolate(core.library_speed)[1 - stance]
     assert core.plan.desired[PITCH_SW] == pytest.approx(gait[PITCH_SW, 5] + 0.07, abs=1e-3)
     assert core.plan.desired[ROLL_SW] == pytest.approx(gait[ROLL_SW, 5] - 0.03, abs=1e-3)
 
@@ -402,12 +402,12 @@ def test_another_law_takes_over_while_walking_goes_on():
 def test_the_library_is_read_up_to_gait_speed_and_within_its_range(most, read):
     core = walking(config=replace(CONFIG, gait_speed=most))
     core.timing.velocity = (9.0, 0.0)
-    assert core.gait_speed == read
+    assert core.library_speed == read
     core.step(readings_of(swinging(LEFT)), mode_of(), MotorCommand())
     core.timing.velocity = (9.0, 0.0)
     assert core.timing.step_time == pytest.approx(LIBRARY.interpolate(read)[2])
     core.timing.velocity = (-9.0, 0.0)
-    assert core.gait_speed == LIBRARY.speed_range[0]
+    assert core.library_speed == LIBRARY.speed_range[0]
 
 
 LOADED = """

@@ -13,7 +13,7 @@ class Gains(Record):
     """Gains of the walking law.
 
     Attributes with the name of a field of `config.WalkConfig` come from `WalkConfig.in_force`. With
-    it, the first seven tell the laws apart: additions to the paper's law are 1, and 0 under it.
+    it, the first six tell the laws apart: additions to the paper's law are 1, and 0 under it.
 
     Attributes:
         pendulum_placement: Whether `planner.pendulum` places the feet, else `planner.paper`.

@@ -277,7 +277,7 @@ class GaitController:
         """One tick of walking; True if a step ended."""
         walking = self.walking
         ended = walking.step(self.readings, mode, self._command)
-        speed = walking.gait_speed
+        speed = walking.library_speed
         self.learning.step(walking.timing, speed, self.readings, mode, self._command)
         if self._recovering and walking.timing.steps < 1:
             stance = walking.timing.stance
@@ -333,7 +333,7 @@ class GaitController:
             walking.plan.records,
             TORQUE_LIMITS,
             walks,
-            walking.gait_speed,
+            walking.library_speed,
             self.latency.latency,
         )
         return self._status

@@ -110,8 +110,8 @@ def begin_step(
 ) -> None:
     """Start the outputs of the new step at the measured ones.
 
-    The swing leg's roll and pitch continue at the measured rates, all other outputs of the legs at
-    rate 0. The torso's outputs are the gait's.
+    The swing leg's roll and pitch continue at the measured rates, leg lengths and sole at rate 0.
+    `_turn_hip` gives the yaws' rates. The torso's outputs are the gait's.
 
     Args:
         robots: The robot now. Shape (1,).
@@ -130,8 +130,8 @@ def begin_step(
             step.desired[LENGTH_ST],
         )
     # Measured rates jump at the impact, so these outputs start from rest.
-    step.initial_rates[YAW_ST] = step.initial_rates[LENGTH_ST] = 0.0
-    step.initial_rates[YAW_SW] = step.initial_rates[LENGTH_SW] = step.initial_rates[FOOT_SW] = 0.0
+    for i in (LENGTH_ST, LENGTH_SW, FOOT_SW):
+        step.initial_rates[i] = 0.0
 
 
 LEAST_ACCELERATION = np.array(
@@ -296,10 +296,11 @@ def _add_correction(step: Step, row: int, correction: float, phase: float, rate:
 def _turn_hip(step: Step, row: int, end: float, phase: float, rate: float) -> None:
     """Move a hip's yaw from its value at touchdown to the end of this step's turn.
 
-    Both hips begin and end a step at minus the commanded yaw rate, at which a foot on the ground
-    does not turn. So the stance foot need not accelerate the body: a line contact has little
-    friction for that. And a foot that lands, or leaves, does not jump in its rate. All else changes
-    smoothly in between. The yaws of the gait, which fit one turning rate each, do not count.
+    Both hips begin and end a step at minus the commanded yaw rate if it takes the gait's time. A
+    foot on the ground then does not turn. So the stance foot need not accelerate the body: a line
+    contact has little friction for that. And a foot that lands, or leaves, does not jump in its
+    rate. All else changes smoothly in between. The yaws of the gait, which fit one turning rate
+    each, do not count.
 
     Args:
         step: The step; changed in place.

@@ -155,9 +155,12 @@ class StandingController:
                                  toe keeps the sole level,
         hip pitch              = torso pitch regulated through both hips, and the toe torque, which
                                  the leg transmits to the torso,
-        hip roll, hip yaw      = held at the angle with which the foot took load,
+        hip roll, hip yaw      = held at the angle with which the foot took load, the roll less the
+                                 desired one,
         mean leg length        = height, the springs' deflection, and the integrated height error,
-        leg length difference  = roll_length * roll error + roll_rate_length * roll rate.
+        leg length difference  = roll_length * roll error + roll_rate_length * roll rate
+                                 - lean_length * desired roll (0 but for riding), bounded, times a
+                                 contact probability.
 
     The ground's forces are fed forward through the leg Jacobians. The height follows its set-point
     with bounded rate and acceleration; a push forward adds `Rise`. With z the height that results,

@@ -79,7 +79,7 @@ def advance_step(
         all_commanded: Result, the mode's commands for the steps. Shape (1,).
     """
     step, timing, mode, commanded = steps[0], timings[0], modes[0], all_commanded[0]
-    commanded.vx, commanded.vy, commanded.turn_rate = mode.vx, mode.vy, mode.yaw_rate
+    commanded.vx, commanded.vy, commanded.yaw_rate = mode.vx, mode.vy, mode.yaw_rate
     commanded.pitch_trim = mode.trims[LEG_PITCH_TRIM]
     commanded.roll_trim = mode.trims[LEG_ROLL_TRIM]
     yaw_rate = mode.yaw_rate
@@ -250,7 +250,7 @@ class WalkingController:
         self.start(readings, LEFT)
 
     @property
-    def gait_speed(self) -> float:
+    def library_speed(self) -> float:
         """Speed at which the library is read. In m/s."""
         return self.within_library(float(self.timing.velocity[0]))
 
@@ -291,7 +291,7 @@ class WalkingController:
         commanded, timings, steps = self._commanded, self.timing.records, self.plan.records
         self._ticks_without_offer += 1
         ended = advance_step(readings.records, mode.record, timings, steps, commanded.records)
-        if commanded.vx == commanded.vy == commanded.turn_rate == 0.0:
+        if commanded.vx == commanded.vy == commanded.yaw_rate == 0.0:
             hold = self._position_hold.velocity(self.config, readings)
             commanded.vx, commanded.vy = hold
         else:

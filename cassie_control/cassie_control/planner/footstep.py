@@ -23,10 +23,10 @@ class PendulumPlacement(Placement):
 
     After a touchdown the weight shifts to the new foot within `double_support` (t). During this
     time the CoM keeps its velocity. Then it falls away from the stance toe joint until the swing
-    foot's first contact, for the rest of single support, T_rest. With x, v the CoM's position and
+    foot's first contact, at T_rest, for a single support of T_1. With x, v the CoM's position and
     velocity relative to the toe joint and w = sqrt(g / height), the velocity at the contact is
 
-        v_end = w x sinh(w T_rest) + v cosh(w T_rest).
+        v_end = w x sinh(w T_1) + v cosh(w T_1).
 
     The foot meets the ground before the end of the step, by lead = `contact_lead` +
     `contact_lead_speed` |low-passed forward velocity|, up to 1.5 m/s. The next step then takes
@@ -83,7 +83,7 @@ class PendulumPlacement(Placement):
         max(distance of the law's foothold to these, outward u - friction height)^2
             + 0.2 (change of T_rest)^2
 
-    within the quickest and the slowest step (`pendulum.touchdown_time`); it stays that of the gait
+    within the quickest and the slowest step (`pendulum.contact_time`); it stays that of the gait
     while the first term is 0. At the phase s the foot, which has the way l left to go, needs
 
         T_rest + lead >= (1 - s) quickest_step + swing_time l.

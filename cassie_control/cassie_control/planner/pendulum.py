@@ -210,7 +210,7 @@ def predict_com(state: PendulumState, remaining: float) -> ComState:
 
 
 @compiled
-def touchdown_time(
+def contact_time(
     state: PendulumState,
     law: FootholdLaw,
     reach: Reach,
@@ -218,16 +218,17 @@ def touchdown_time(
     earliest: float,
     latest: float,
 ) -> float:
-    """Time to touchdown at which the law's foothold is in reach, or nearest to it.
+    """Time to the swing foot's first contact at which reach and friction cone are violated least.
 
     Args:
         state, law, reach: State of the CoM, the law, and where a foot can be set down.
-        planned: Time to the gait's own touchdown, which is kept if its foothold is in reach.
+        planned: Time to first contact by the gait, which is kept, whatever the bounds, while its
+            foothold violates neither by more than 4.5 mm.
         earliest, latest: Bounds of the result.
     """
     if _cost(state, law, reach, planned, 0.0) < _TOLERATED_COST:
         return planned
-    # Golden section search: the cost is a squared distance to a box plus a squared delay.
+    # Golden-section search: the cost is the squared violation plus a squared change of time.
     low, high = min(earliest, latest), latest
     left, right = high - _GOLDEN_RATIO * (high - low), low + _GOLDEN_RATIO * (high - low)
     cost_left = _cost(state, law, reach, left, left - planned)
@@ -282,12 +283,12 @@ def plan_landing(
     law = _foothold_law(gains, timing.step_time - contact_lead, commanded, side, state.rate, trim_y)
     planned = time_to_planned_touchdown(timing)
     latest = max(planned, gains.slowest_step * timing.step_time - timing.elapsed)
-    time = touchdown_time(
+    time = contact_time(
         state,
         law,
         reach,
         max(0.0, planned - contact_lead),
-        _earliest_touchdown(gains, robot, timing, state, law, reach, contact_lead),
+        _earliest_contact(gains, robot, timing, state, law, reach, contact_lead),
         max(0.0, latest - contact_lead),
     )
     touchdown = predict_com(state, time)
@@ -336,7 +337,7 @@ def _reach(
 
 
 @compiled
-def _earliest_touchdown(
+def _earliest_contact(
     gains: PlacementGains,
     robot: Robot,
     timing: StepTiming,
@@ -449,7 +450,7 @@ def _foothold_law(
     vx, vy = commanded.vx * ratio, commanded.vy * ratio
     sway = step_width / (double_support + 2.0 * coth_half)
     # Difference of the next touchdown's velocity in the present and in the next heading.
-    turn = commanded.turn_rate * step_time
+    turn = commanded.yaw_rate * step_time
     map_b = w * math.sinh(w * single_support)
     turn_x = -turn * (vy - sway) * _map_gain(gains.map_gain_x, gains.map_loss_x, vx) / map_b
     turn_y = turn * vx * _map_gain(gains.map_gain_y, gains.map_loss_y, vx) / map_b

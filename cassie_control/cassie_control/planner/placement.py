@@ -17,13 +17,13 @@ class Commanded(Record):
 
     Attributes:
         vx, vy: Commanded velocity, forward and to the left. In m/s.
-        turn_rate: Commanded rate of the heading, to the left. In rad/s.
+        yaw_rate: Commanded rate of the heading, to the left. In rad/s.
         pitch_trim, roll_trim: Added to the swing leg's angles at touchdown. In rad.
     """
 
     vx: float
     vy: float
-    turn_rate: float
+    yaw_rate: float
     pitch_trim: float
     roll_trim: float
 
