@@ -248,9 +248,6 @@ class LateGains:
     latency_span: float = tunable(
         0.006, "s", 0.001, 0.1, "Increase of latency over which the gains change"
     )
-    handover: float = tunable(
-        0.06, "s", 0.01, 0.2, "Time in which the weight shifts from leg to leg, by the phase"
-    )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
     softening: float = tunable(
         330.0,

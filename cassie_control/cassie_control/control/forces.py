@@ -3,7 +3,7 @@
 While the drives act at once, a leg's share of the weight follows its foot's force, or its load
 under the paper's law. With a latency D of the drives, the leg that lifts would push for a time D
 after the other leg has landed. Then the weight shifts by the phase, for the moment at which the
-drives will act. Over a time T from touchdown on, the stance leg's share is
+drives will act. With T = `walk.double_support` the stance leg's share is
 
     s = min(1, (t + D) / T) min(1, 1 + (t_end - t - D) / T)
 
@@ -132,8 +132,8 @@ def _predicted_stance_share(gain: Gains, timing: StepTiming) -> float:
     """
     elapsed = timing.phase / timing.rate + gain.latency
     remaining = (1.0 - timing.phase) / timing.rate - gain.latency
-    loading = min(1.0, elapsed / gain.handover)
-    unloading = min(1.0, max(0.0, 1.0 + remaining / gain.handover))
+    loading = min(1.0, elapsed / gain.double_support)
+    unloading = min(1.0, max(0.0, 1.0 + remaining / gain.double_support))
     share: float = loading * unloading
     return share
 

@@ -27,7 +27,6 @@ class Gains(Record):
             bound under the paper's law. In m.
         period: Control period. In s.
         latency: Latency of the drives that is compensated. In s.
-        handover: Time in which the weight shifts from leg to leg if there is a latency. In s.
         kp, kd: Gains of hip_roll, hip_yaw, hip_pitch, knee and toe. In Nm/rad and Nms/rad.
     """
 
@@ -55,7 +54,7 @@ class Gains(Record):
     thigh_rate: float
     period: float
     latency: float
-    handover: float
+    double_support: float
     kp: FloatArray = array(5)
     kd: FloatArray = array(5)
 
@@ -104,7 +103,7 @@ def _set_late_gains(result: Gains, config: WalkConfig, latency: float) -> None:
     late, share = config.late, config.late.share(latency)
     if share == 0.0:
         return
-    result.latency, result.handover = latency, late.handover
+    result.latency = latency
     # Late measurements must not shake the set-points: these use the low-passed thigh alone.
     for name, goal in (
         ("thigh_track", late.thigh_track),
