@@ -106,8 +106,14 @@ def test_it_bumps_into_a_pillar_on_waxed_floor_and_stays_up(changes):
 
 
 def test_most_drawn_robots_stay_up_at_the_pillar():
-    """Which of them fall hangs on the last bit of an angle, so they are counted."""
-    assert sum(stays_up_at_the_pillar(seed) for seed in range(1, 11)) >= 6
+    """Which of them fall hangs on the last bit of an angle, so that six of ten count."""
+    up = fell = 0
+    for seed in range(1, 11):
+        good = stays_up_at_the_pillar(seed)
+        up, fell = up + good, fell + (not good)
+        if up == 6 or fell == 5:
+            break
+    assert up == 6
 
 
 def test_the_pillar_of_the_waxed_floor_is_in_its_way():
