@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -102,21 +103,29 @@ def test_ctrl_c_ends_the_optimizer_also_while_it_prepares(tmp_path: Path) -> Non
         assert robot.processes.log("gait_optimizer").read_text() == ""
 
 
+@pytest.fixture(scope="module")
+def optimizer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
+    """A robot's domain in which the optimizer runs alone, for calls of which each is its own."""
+    with Robot(tmp_path_factory.mktemp("optimizer")) as robot:
+        robot.start("gait_optimizer")
+        yield robot
+        assert robot.processes.running("gait_optimizer")
+
+
 @pytest.mark.parametrize("value", ["heavy", [1.0], True, float("nan")])
 def test_a_payload_of_another_type_is_refused_by_the_running_optimizer(
-    tmp_path: Path, value: object
+    optimizer: Robot, value: object
 ) -> None:
-    with Robot(tmp_path) as robot:
-        robot.start("gait_optimizer")
-        client = robot.eyes.node.create_client(SetParameters, "/gait_optimizer/set_parameters")
-        robot.eyes.wait_for(client.service_is_ready, "the service")
-        wrong = Parameter("payload", value=value).to_parameter_msg()
-        future = client.call_async(SetParameters.Request(parameters=[wrong]))
-        robot.eyes.wait_for(future.done, "the answer")
-        (answer,) = future.result().results
-        assert not answer.successful
-        assert "payload" in answer.reason
-        assert robot.processes.running("gait_optimizer")
+    eyes = optimizer.eyes
+    client = eyes.node.create_client(SetParameters, "/gait_optimizer/set_parameters")
+    eyes.wait_for(client.service_is_ready, "the service")
+    wrong = Parameter("payload", value=value).to_parameter_msg()
+    future = client.call_async(SetParameters.Request(parameters=[wrong]))
+    eyes.wait_for(future.done, "the answer")
+    (answer,) = future.result().results
+    assert not answer.successful
+    assert "payload" in answer.reason
+    assert optimizer.processes.running("gait_optimizer")
 
 
 @pytest.mark.parametrize(
@@ -131,15 +140,15 @@ def test_a_payload_of_another_type_is_refused_by_the_running_optimizer(
     ],
 )
 def test_the_service_solves_certifies_and_says_why_not(
-    tmp_path: Path, fields: dict[str, float], success: bool, words: str
+    optimizer: Robot, fields: dict[str, float], success: bool, words: str
 ) -> None:
-    with Robot(tmp_path) as robot:
-        robot.start("gait_optimizer")
-        client = robot.eyes.node.create_client(SolveGait, "/cassie/solve_gait")
-        robot.eyes.wait_for(client.service_is_ready, "the service")
-        future = client.call_async(SolveGait.Request(**fields))
-        robot.eyes.wait_for(future.done, "the gait")
-        answer = future.result()
-        assert answer.success is success
-        assert words in answer.message
-        assert bool(np.any(answer.right_stance)) is success
+    eyes = optimizer.eyes
+    client = eyes.node.create_client(SolveGait, "/cassie/solve_gait")
+    eyes.wait_for(client.service_is_ready, "the service")
+    future = client.call_async(SolveGait.Request(**fields))
+    eyes.wait_for(future.done, "the gait")
+    answer = future.result()
+    assert answer.success is success
+    assert words in answer.message
+    assert bool(np.any(answer.right_stance)) is success
+    assert optimizer.processes.running("gait_optimizer")

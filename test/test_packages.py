@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import shutil
@@ -103,6 +104,7 @@ def modules(folder: Path, own: set[str]) -> set[str]:
     return found - sys.stdlib_module_names - own
 
 
+@functools.cache
 def setup_arguments(folder: Path) -> dict[str, Any]:
     """Arguments of `setup()` as colcon reads them; none without a setup.py."""
     setup = folder / "setup.py"

@@ -63,7 +63,7 @@ def test_what_was_measured_is_kept_if_a_part_fails(tmp_path, monkeypatch, capsys
 @pytest.mark.parametrize(
     ("program", "reason"),
     [
-        ("import time; time.sleep(600)", "tick takes more than 22 s"),
+        ("import time; time.sleep(600)", "tick takes more than 2 s"),
         ("import sys; sys.exit('no controller')", "tick ended with exit code 1: no controller"),
     ],
 )
@@ -72,7 +72,7 @@ def test_a_part_that_hangs_or_fails_is_told(program: str, reason: str, tmp_path,
     python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{program}"\n')
     python.chmod(0o755)
     monkeypatch.setattr(bench.sys, "executable", str(python))
-    monkeypatch.setattr(bench, "PART_TIMEOUT", 2.0)
+    monkeypatch.setattr(bench, "PART_TIMEOUT", -18.0)
     with pytest.raises(RunError, match=reason):
         bench.measure_apart("tick", 2.0)
 

@@ -8,9 +8,9 @@ import signal
 import threading
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
-from distributed import LocalCluster
 from tqdm import tqdm
 
 from cassie_bags.errors import RunError
@@ -34,6 +34,13 @@ def refuse(number: int) -> int:
     raise RunError(f"{number} is refused")
 
 
+def local_cluster(workers: int) -> Any:
+    """A cluster in this process; imported here, as workers load this file to find `double`."""
+    from distributed import LocalCluster
+
+    return LocalCluster(n_workers=workers, processes=False, dashboard_address=None)
+
+
 @pytest.fixture(params=["here", "local", "dask"])
 def pool(request: pytest.FixtureRequest) -> Iterator[Workers]:
     if request.param == "here":
@@ -43,7 +50,7 @@ def pool(request: pytest.FixtureRequest) -> Iterator[Workers]:
         yield local
         local.close()
     else:
-        with LocalCluster(n_workers=1, processes=False, dashboard_address=None) as cluster:
+        with local_cluster(1) as cluster:
             remote = DaskCluster(cluster.scheduler_address)
             yield remote
             remote.close()
@@ -132,8 +139,7 @@ def lack_a_package(_: int) -> int:
 
 def test_workers_of_a_cluster_that_cannot_are_one_clear_error(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("cassie_bags.studies.workers.CONNECT_TIMEOUT", 1)
-    options = {"processes": False, "dashboard_address": None}
-    with LocalCluster(n_workers=0, **options) as cluster:
+    with local_cluster(0) as cluster:
         with pytest.raises(RunError, match="had no worker within 1 s"):
             DaskCluster(cluster.scheduler_address)
         cluster.scale(1)
