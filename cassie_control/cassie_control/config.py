@@ -250,11 +250,11 @@ class LateGains:
     )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
     softening: float = tunable(
-        330.0,
+        220.0,
         "1/s",
         0.0,
         1000.0,
-        "Knees' gains and pitch damping are divided by 1 + softening * delay of the torques",
+        "Gains of knees, hip and torso pitch are divided by 1 + softening * delay of the torques",
     )
 
     def factor(self, torque_delay: float) -> float:

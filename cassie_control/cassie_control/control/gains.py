@@ -68,8 +68,8 @@ def make_gains(
     """Gains of the walking law.
 
     As the latency grows, the gains become those for late drives: the hips' set-points use the
-    low-passed thighs alone. Torques that are late get softer knees and less damping of pitch. Under
-    the paper's law drives that act late change no gain.
+    low-passed thighs alone. Where torques are late, knees and pitch get lower gains. Under the paper's
+    law drives that act late change no gain.
 
     Args:
         config: Parameters of walking.
@@ -90,9 +90,10 @@ def make_gains(
         result.max_swing_lag = _MAX_SWING_LAG
         _set_late_gains(result, config, latency)
         factor = config.late.factor(torque_delay)
-        result.kp[KNEE] *= factor
-        for gain in (KNEE, HIP_PITCH):
-            result.kd[gain] *= factor
+        for drive in (HIP_PITCH, KNEE):
+            result.kp[drive] *= factor
+            result.kd[drive] *= factor
+        result.kp_torso_pitch *= factor
         result.kd_torso_pitch *= factor
     result.period = period
     return result
