@@ -68,8 +68,8 @@ def make_gains(
     """Gains of the walking law.
 
     As the latency grows, the gains become those for late drives: the hips' set-points use the
-    low-passed thighs alone. Where torques are late, knees and pitch get lower gains. Under the paper's
-    law drives that act late change no gain.
+    low-passed thighs alone. Where torques are late, the gains of knees and pitch are lower. Under
+    the paper's law drives that act late change no gain.
 
     Args:
         config: Parameters of walking.
