@@ -250,7 +250,7 @@ class LateGains:
     )
     thigh_track: float = tunable(9.0, "Hz", 0.5, 30.0, "`walk.thigh_track` with late drives")
     softening: float = tunable(
-        280.0,
+        220.0,
         "1/s",
         0.0,
         1000.0,

@@ -167,7 +167,8 @@ class GaitController:
         self.walking.set_delays(latency, torque_delay)
         late = self.config.walk.late
         self.standing.lateness = late.share(latency)
-        self.standing.knee_factor = late.factor(torque_delay)
+        # Standing knees have nearly twice the damping of walking ones.
+        self.standing.knee_factor = late.factor(2.0 * torque_delay)
 
     def step(self, state: RobotState, mode: Mode) -> MotorCommand:
         """Set-points for one tick.
