@@ -228,7 +228,7 @@ class CommandLatency:
         """Begin anew without delays."""
         search = self._search
         search.latency, search.torque_delay, search.seq = self._usual_latency, 0, -1
-        search.newest = search.count = 0
+        search.newest = search.count = search.tested = 0
         self._residuals[:] = search.least[:] = 0.0
 
     def observe(self, state: RobotState) -> bool:
